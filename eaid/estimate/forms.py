@@ -72,7 +72,8 @@ class Model:
     low: float
     high: float
     limited: Array  # Inputs at which the constraints hold
-    # parallel | lag | swing: two lags in parallel, one, or two in series and ringing: 1/ω and ζ as τ1 and τ2, z as C
+    # parallel | pair | lag | swing: two lags in parallel, of them also an overshoot, one, or two in series and ringing:
+    # 1/ω and ζ as τ1 and τ2, z as C
     kind: str = "parallel"
     least_s: float = LEAST_TAU_S  # What τ is kept above where it is evaluated [s]
     signed: bool = False  # Whether the input goes below rest, too
@@ -121,12 +122,15 @@ class Model:
         """The constraints; times are the longest record and the shortest between two samples [s]."""
         Ts, tau1, tau2, C = self.rows(self.limited)
         parts: list[tuple[str, Array, float]] = [
-            ("tau-fastest", tau1[:1], FASTEST_TAU * shortest_s), ("tau-slowest", -tau1[:1], -SLOWEST_TAU * longest_s),
+            ("tau-fastest", tau1, FASTEST_TAU * shortest_s), ("tau-slowest", -tau1, -SLOWEST_TAU * longest_s),
         ]  # fmt: skip
         share = [("C-zero", C[:1], 0.0), ("C-one", -C[:1], -1.0)]
         if self.kind == "swing":
             parts += [("zeta-least", tau2[:1], LEAST_ZETA), ("zeta-most", -tau2[:1], -MOST_ZETA)]
             share = [("zero-least", C[:1], -MOST_ZERO), ("zero-most", -C[:1], -MOST_ZERO)]
+        elif self.kind == "pair":
+            parts = [parts[0], ("tau2-meets-tau1", tau2 - tau1, 0.0), ("tau-slowest", -tau2, -SLOWEST_TAU * longest_s)]
+            share = [("C-zero", C[:1], 0.0), ("C-most", -C[:1], -MOST_C)]
         elif self.kind == "parallel" and self.tau2 is None:
             parts = [("a0-fastest", tau1[:1], 0.01 * shortest_s), ("a0-slowest", -tau1[:1], -1e3 * longest_s)]
         elif self.kind == "parallel":
@@ -156,14 +160,18 @@ class Model:
         (Ts, tau1, tau2), share = parts, float(x[-1]) if self.share is None else self.share
         if self.kind == "parallel":
             return Plant(tau1, tau2, Ts, (self.low, self.high), share)
+        if self.kind == "pair":
+            one, two = (tau[: self.tau1.size] for tau in (tau1, tau2))
+            return Plant(one, two, Ts, (self.low, self.high), share, floor_s=self.least_s)
         swings = self.kind == "swing"
         if self.signed and not below:  # one gain for both sides
             below = (0.0, -Ts[1])
-        if swings and self.free_share and tau2[0] > 1 and 0 < (C := in_parallel(tau1[0], tau2[0], share)[2]) < MOST_C:
-            one, two, _ = in_parallel(tau1[0], tau2[0], share)
-            return Plant((one,), (two,), Ts, (self.low, self.high), C, Ts_below=below, floor_s=self.least_s)
+        tau1 = tau1[: self.tau1.size]
+        if swings and self.free_share and tau2[0] > 1 and 0 < (C := in_parallel(tau2[0], share)[2]) < MOST_C:
+            one, two = (tuple(part * c for c in tau1) for part in in_parallel(tau2[0], share)[:2])
+            return Plant(one, two, Ts, (self.low, self.high), C, Ts_below=below, floor_s=self.least_s)
         return Plant(
-            tau1[:1], tau1[:1], Ts, (self.low, self.high), 1.0, zeta=tau2[0] if swings else None,
+            tau1, tau1, Ts, (self.low, self.high), 1.0, zeta=tau2[0] if swings else None,
             zero=share if swings else 0.0, Ts_below=below, floor_s=self.least_s,
         )  # fmt: skip
 
@@ -197,11 +205,11 @@ class Model:
         return Tables(rows.steady @ x[Ts], tau1, tau2, rows.rest, rows.steady, by_tau1, by_tau2)
 
 
-def in_parallel(tau: float, zeta: float, z: float) -> tuple[float, float, float]:
-    """τ1, τ2 and C of two lags in parallel that are two real lags with a zero: C = (z/ω − τ1)/(τ2 − τ1)."""
-    apart = zeta + np.sqrt(zeta**2 - 1)
-    one, two = tau / apart, tau * apart
-    return float(one), float(two), float((z * tau - one) / (two - one))
+def in_parallel(zeta: float, z: float) -> tuple[float, float, float]:
+    """τ1 and τ2, both in 1/ω, and C of two lags in parallel that are two real lags with a zero:
+    C = (z/ω − τ1)/(τ2 − τ1)."""
+    apart = float(zeta + np.sqrt(zeta**2 - 1))
+    return 1 / apart, apart, (z - 1 / apart) / (apart - 1 / apart)
 
 
 def _floored(rows: Array, x: Array, least_s: float) -> tuple[Array, Array]:
@@ -221,13 +229,15 @@ def nonlinear(levels: Array, share: float | None) -> Model:
 
 
 def of_kind(
-    kind: str, gain: Form, low: float, high: float, shortest_s: float, zero: float | None = 0.0, signed: bool = False
-) -> Model:
-    """One lag, or two in series and ringing, with constant dynamics; `zero` is z, None: an unknown."""
-    constant, lag = LegendreForm(0, low, high), kind == "lag"
+    kind: str, gain: Form, low: float, high: float, shortest_s: float, zero: float | None = 0.0, signed: bool = False,
+    pace: int = 0,
+) -> Model:  # fmt: skip
+    """One lag, or two in series and ringing; `zero` is z, None: an unknown. Their time constants go together with the
+    input as a polynomial of the degree `pace`."""
+    lag, limited = kind == "lag", np.linspace(low, high, CHECKED_INPUTS) if pace else np.array([high])
     return Model(
-        gain, constant, None if lag else constant, 1.0 if lag else zero, low, high, np.array([high]), kind,
-        min(TAU_FLOOR_S, 0.1 * shortest_s), signed,
+        gain, LegendreForm(pace, low, high), None if lag else LegendreForm(0, low, high), 1.0 if lag else zero, low,
+        high, limited, kind, min(TAU_FLOOR_S, 0.1 * shortest_s), signed,
     )  # fmt: skip
 
 

@@ -157,7 +157,8 @@ def corrected(own: Array, back: Array, score: Array) -> Array:
 
 def free_inverse(curvature: Array, held: Array) -> Array:
     """Inverse of a curvature in the directions that no row of `held` blocks, in scaled form, (n, n)."""
-    scale = 1 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    size = np.diag(curvature)
+    scale = 1 / np.sqrt(np.where(size > 0, size, 1.0))
     ways = np.diag(scale)
     if len(held):
         _, size, right = np.linalg.svd(held * scale)

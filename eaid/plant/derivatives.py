@@ -22,11 +22,13 @@ from eaid.plant.dynamics import swing
 
 
 @numba.njit(cache=True, error_model="numpy")
-def acting_tau(tau: float, off: float, rest: float, at_rest: float, factor: float) -> tuple[float, float, float, float]:
-    """τ of a state that lies `off` above its target, and its derivatives by the τ of rises, `at_rest` and `factor`."""
-    if off > 0.0 and rest >= 1.0:
+def acting_tau(
+    tau: float, falls: bool, rest: float, at_rest: float, factor: float
+) -> tuple[float, float, float, float]:
+    """τ of a state, and its derivatives by the τ of rises, `at_rest` and `factor`."""
+    if falls and rest >= 1.0:
         return tau * factor, factor, 0.0, tau
-    if off > 0.0 and at_rest > 0.0:
+    if falls and at_rest > 0.0:
         return rest * tau + (1.0 - rest) * at_rest, rest, 1.0 - rest, 0.0
     return tau, 1.0, 0.0, 0.0
 
@@ -61,7 +63,7 @@ def derivatives(drive: Drive, tables: Tables, scalars: Array, place: Integers, c
             part, risen = (1.0 - share, tables.tau2[i]) if s else (share, tables.tau1[i])
             off = x[s] - part * total
             tau, by_risen, by_rest, by_fall = acting_tau(
-                risen, off, tables.rest[i], scalars[AT_REST + s], scalars[AT_FALL + s]
+                risen, off * part > 0.0, tables.rest[i], scalars[AT_REST + s], scalars[AT_FALL + s]
             )
             if moved:  # x'(old) − x'(new)
                 sens[s, place[AT_DEAD]] += rate[s] + off / tau

@@ -10,10 +10,10 @@ Two states x with one matrix serve every kind; θ later than the input changes, 
 One lag has C = 1; C > 1 is an overshoot. In series ζ ≥ 1 and τ1,2 = (ζ ∓ √(ζ² − 1))/ω; below 1 the plant rings.
 Two lags with a zero are two in parallel with C = (z/ω − τ1)/(τ2 − τ1).
 
-A part that falls may have other time constants. Release constants hold for falls to rest: towards an input u below
-u_low a part has τ = s τ(u_low) + (1 − s) τ_release, s = u/u_low, the line that T_s follows there. Falls towards an
-identified input have τ(u) times a factor, or the release's constants too (`falls_as_release`). Where the input last
-fell, T_s may be larger by a share (`excess`, a hysteresis).
+Where w falls its parts may have other time constants (of an overshoot the slow one then rises). Release constants hold
+for falls to rest: towards an input u below u_low a part has τ = s τ(u_low) + (1 − s) τ_release, s = u/u_low, the line
+that T_s follows there. Falls towards an identified input have τ(u) times a factor, or the release's constants too
+(`falls_as_release`). Where the input last fell, T_s may be larger by a share (`excess`, a hysteresis).
 
 Floors, for plants drawn from an uncertain fit: τ1 ≥ `floor_s`, τ2 ≥ τ1, T_s ≥ 0 on the side of the input.
 
@@ -296,17 +296,18 @@ def plant_pull(plant: PlantNumbers, x1: float, x2: float, u: float) -> tuple[flo
     target = plant.C * steady
     fast = target - x1
     slow = steady - target - x2
+    slow_falls = slow * (1.0 - plant.C) < 0.0
     if u < plant.release_below:
         share = u / plant.release_below if u > 0.0 else 0.0
         release1, release2 = plant.release
         if fast < 0.0 and release1 > 0.0:
             tau1 = share * tau1 + (1.0 - share) * release1
-        if slow < 0.0 and release2 > 0.0:
+        if slow_falls and release2 > 0.0:
             tau2 = share * tau2 + (1.0 - share) * release2
     else:
         if fast < 0.0:
             tau1 = tau1 * plant.falls[0]
-        if slow < 0.0:
+        if slow_falls:
             tau2 = tau2 * plant.falls[1]
     return fast, slow, tau1, tau2
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from typing import Literal
 
 import msgspec
 import numpy as np
@@ -17,8 +17,8 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.curve_intervals import curves
-from eaid.recorded.fall_tests import tested
-from eaid.recorded.from_logs import Setup, Solved, fit_setup, idle_found, plant_found, setup_of
+from eaid.recorded.fall_tests import tested, with_falls
+from eaid.recorded.from_logs import Setup, Solved, finished, fit_setup, idle_found, plant_found, setup_of
 from eaid.recorded.inputs import MANY_LEVELS, Excited
 from eaid.recorded.kinds import (
     PRICE,
@@ -30,12 +30,13 @@ from eaid.recorded.kinds import (
     of_evidence,
     on_all,
     search_of,
+    with_scores,
 )
 from eaid.recorded.late import LEAST_CHANGES, LOWER, ON_TIME, Delay, common_delay, delays, timed
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
 from eaid.results.models import FittedData, Friction, FrictionLevel, LevelIntervals
-from eaid.results.plant import FittedPlant, PlantIntervals
+from eaid.results.plant import LAGS, FittedPlant, PlantIntervals, number
 from eaid.results.recorded import FallTest, KindTried
 
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
@@ -66,6 +67,11 @@ class Chosen:
     findings: list[Finding]
     late: tuple[Delay, ...]  # By which the input of each log was noted late
 
+    @property
+    def fell(self) -> tuple[str, ...]:
+        """What falls have of their own, as extras of the fit."""
+        return tuple(name for name in self.solved.fitted.extras if name != "dead")
+
 
 def plant_of_logs(
     logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
@@ -88,28 +94,12 @@ def plant_of_logs(
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
     late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
     search, rows, late = _kinds_behind(logs, late, inputs, options, rivals)
-    noted, logs = logs, search.logs
-    ended = rows[0]
-    if clutch is not None and rows[0].kind.name == "clutch" and options.duty is None:
-        simple = next(one for one in rows if one.kind.name != "clutch")
-        explains = simple.cost <= LEFT * sum(energy(log) for log in logs)
-        well = simple.cost <= AS_WELL * rows[0].cost
-        if (explains and never_near(clutch.solved, inputs)) or (well and leaves_open(clutch.solved, inputs)):
-            rows = [simple, *(one for one in rows if one is not simple)]
-    own = next((one for one in rows if one.kind.name == "clutch"), None)
-    found = plant_found(rows[0].solved)
-    noise = rows[0].cost / independent_of(rows[0].solved)
-    if own is not None and own is not rows[0]:
-        more = own.solved.setup.size - rows[0].solved.setup.size
-        same_form = found.kind == "parallel" and own.cost <= rows[0].cost + AS_MUCH * PRICE * noise  # with another C
-        by_noise = float(chdtri(more, DEFAULT_CHANCE)) * noise if more > 0 else 0.0
-        better = own.cost < rows[0].cost - max(DEFAULT_SAVES * rows[0].cost, by_noise)
-        if (same_form or better) and not leaves_open(own.solved, inputs):
-            rows = [own, *(one for one in rows if one is not own)]
-    # noise that goes round a loop bends what is fitted without instruments
+    if clutch is not None and clutch.fell:
+        rows = with_own_falls(search, rows, clutch.fell)
+    noted, logs, ended = logs, search.logs, rows[0]
     of_loops = any(log.reference is not None for log in logs)
-    if own is not None and of_loops and not far_better(rows[0], own):
-        rows = [own, *(one for one in rows if one is not own)]
+    if clutch is not None:
+        rows = beside_the_clutch(rows, logs, inputs, options.duty is None, of_loops)
     rows = sorted(rows, key=lambda one: one.kind.name != wanted)
     if rows[0] is not ended:  # the others stand as they were looked at
         rows[0] = on_all(search, rows[0], last=True)
@@ -119,26 +109,84 @@ def plant_of_logs(
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
     explains_by_one = kinds[0].gain == "one" and not (signed or of_loops) and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
-    if (
-        explains_by_one
-        and float(best.solved.setup.model.rows(np.array([inputs.high]))[0, 0] @ best.solved.coefficients) < 0
-    ):
+    if explains_by_one and plant_found(best.solved).curve(inputs.high) < 0:
         raise DataError(*(turned_round(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds)
+    told = [*_told(best, kinds, logs), *(more for one, log in zip(late, noted, strict=True) for more in one.told(log))]
+    chosen = Chosen(best.solved, tuple(logs), (), kinds, told, late)
+    if not falls or signed or of_loops or (pair := as_pair(best.solved)) is None:
+        return chosen
+    solved, of_falls, found = tested(pair, inputs.stepwise)
+    return replace(chosen, solved=best.solved if solved is pair else solved, falls=of_falls, findings=[*told, *found])
+
+
+def beside_the_clutch(
+    rows: Sequence[Tried], logs: Sequence[RecordedLog], inputs: Excited, all_inputs: bool, of_loops: bool
+) -> list[Tried]:
+    """The kinds, the one to be taken first: the clutch's form stands where it explains as much, and gives way where the
+    logs leave its T_s open, or far beyond what they have reached."""
+    own = next(one for one in rows if one.kind.name == "clutch")
+    first = rows[0]
+    if own is first and all_inputs:
+        simple = next(one for one in rows if one is not own)
+        explains = simple.cost <= LEFT * sum(energy(log) for log in logs)
+        well = simple.cost <= AS_WELL * own.cost
+        if (explains and never_near(own.solved, inputs)) or (well and leaves_open(own.solved, inputs)):
+            first = simple
+    if own is not first:
+        noise = first.cost / independent_of(first.solved)
+        more = own.solved.setup.size - first.solved.setup.size
+        parallel = plant_found(first.solved).kind == "parallel"
+        same_form = parallel and own.cost <= first.cost + AS_MUCH * PRICE * noise  # with another C
+        by_noise = float(chdtri(more, DEFAULT_CHANCE)) * noise if more > 0 else 0.0
+        better = own.cost < first.cost - max(DEFAULT_SAVES * first.cost, by_noise)
+        if (same_form or better) and not leaves_open(own.solved, inputs):
+            first = own
+    if of_loops and not far_better(first, own):  # noise that goes round a loop bends what has no instruments
+        first = own
+    return [first, *(one for one in rows if one is not first)]
+
+
+def _told(best: Tried, kinds: Sequence[KindTried], logs: Sequence[RecordedLog]) -> list[Finding]:
+    """What is said of a kind that takes the clutch's place."""
     theta_s = best.solved.fitted.dead_time(best.solved.x)
-    mine = next((one for one in kinds if one.kind == "clutch"), None)
+    own = next((one for one in kinds if one.kind == "clutch"), None)
     told = [
         finding(
             "kind-by-evidence", "plant", kind=best.name, fit_pct=kinds[0].fit_pct, unknowns=kinds[0].unknowns,
-            clutch_pct=None if mine is None else mine.fit_pct, clutch_unknowns=None if mine is None else mine.unknowns,
+            clutch_pct=None if own is None else own.fit_pct, clutch_unknowns=None if own is None else own.unknowns,
         )
     ]  # fmt: skip
     if (kinds[0].fit_pct or 0.0) < LITTLE_PCT:
         told.append(finding("no-kind-explains", "nonlinear", fit_pct=kinds[0].fit_pct))
-    told += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0]
-    told += [more for one, log in zip(late, noted, strict=True) for more in one.told(log)]
-    return Chosen(best.solved, tuple(logs), (), kinds, told, late)
+    return [*told, *(finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0)]
+
+
+def as_pair(solved: Solved) -> Solved | None:
+    """A fit of one lag, or of two real ones with a zero as two in parallel; None of what has no lags apart."""
+    setup, x, model = solved.fitted, solved.x, solved.setup.model
+    p = model.parameters(solved.coefficients)
+    if model.kind == "lag" or p.zeta is not None:
+        return solved if model.kind == "lag" else None
+    lags = setup.model.tau1
+    pair = replace(setup, model=replace(model, tau2=lags, share=None, kind="pair"))
+    rows = np.linalg.inv(lags.rows(lags.inputs))
+    coefficients = np.r_[x[model.slices[0]], np.ravel([rows @ tau for tau in p.time_constants(lags.inputs)]), p.C]
+    begin = [coefficients, x[model.size : setup.shared]]
+    for log, place in enumerate(setup.places):
+        begin.append(np.append(x[place.own[0]], start_states(solved, log))[place.own >= 0])
+    return finished(pair, [np.concatenate(begin)])
+
+
+def with_own_falls(search: Search, rows: Sequence[Tried], names: tuple[str, ...]) -> list[Tried]:
+    """Kinds with one lag having falls of its own, as the clutch has: the best and the simplest of it, for curves
+    imitate falls."""
+    lags = [one for one in rows if one.kind.law == "lag"]
+    both = lags[0], min(lags, key=lambda one: one.solved.setup.size)
+    ended = [on_all(search, one, last=True) for one in both]
+    fallen = [replace(one, solved=with_falls(one.solved, names)) for one in ended]
+    return with_scores([*fallen, *(one for one in rows if one not in both)])
 
 
 def _kinds_behind(
@@ -270,7 +318,8 @@ def kind_row(one: Tried, total: float, least: float) -> KindTried:
     )
     fit_pct = 100 * (1 - float(np.sqrt(max(one.cost, 0.0) / total))) if total > 0 else None
     score = one.score / least if least > 0 else None
-    return KindTried(one.name, gain, one.solved.setup.size, fit_pct, score)
+    lags: Literal["constant", "curve"] = "curve" if one.paced or one.kind.name == "clutch" else "constant"
+    return KindTried(one.name, gain, lags, one.solved.setup.size, fit_pct, score)
 
 
 def turned_round(log: RecordedLog) -> str:
@@ -297,56 +346,40 @@ def about_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Set
 
 
 def plant_part(
-    solved: Solved, data: FittedData, uncertainty: Spread | None, tried: tuple[KindTried, ...], levels: Array
+    solved: Solved, data: FittedData, uncertainty: Spread | None, tried: tuple[KindTried, ...], inputs: Excited
 ) -> FittedPlant:
-    """The plant that every later command reads, with 95 % intervals of what is constant over the input, and of T_s at
-    the levels."""
-    p, model, x = plant_found(solved), solved.setup.model, solved.x
-    units = data.input_unit, data.output_unit
+    """The plant that every later command reads, with 95 % intervals of what is constant over the input, and of what
+    goes with it at some inputs."""
+    p, units = plant_found(solved), (data.input_unit, data.output_unit)
+    known, model, top = FittedPlant.of(p, units), solved.setup.model, solved.setup.model.high
     if uncertainty is None:
-        return msgspec.structs.replace(FittedPlant.of(p, units), tried=tried)
-    numbers: dict[str, Callable[[Array], float]] = {}
-    if (dead := solved.setup.at("dead")) >= 0:
-        numbers["dead_time_s"] = lambda x: float(x[dead])
+        return msgspec.structs.replace(known, tried=tried)
+    constant, rows = ["dead_time_s"] * (solved.setup.at("dead") >= 0), list[tuple[str, float]]()
     if model.kind != "parallel":
-        top = model.rows(np.array([model.high]))[0, 0] / model.high
-        numbers["gain"] = lambda x: float(top @ x[: model.size])
-        if p.zeta is None and p.kind != "lag":
-            numbers["C"] = lambda x: model.parameters(x[: model.size]).C
-        if p.kind == "ringing":
-            numbers["omega"] = lambda x: 1 / float(x[model.slices[1]][0])
-            numbers["zeta"] = lambda x: float(x[model.slices[2]][0])
-        else:
-            numbers["tau1"] = lambda x: float(model.parameters(x[: model.size]).time_constants(model.high)[0])
-        if p.kind not in ("lag", "ringing"):
-            numbers["tau2"] = lambda x: float(model.parameters(x[: model.size]).time_constants(model.high)[1])
-        if model.signed:
-            below = model.rows(np.array([-model.high]))[0, 0] / -model.high
-            numbers["gain_below"] = lambda x: float(below @ x[: model.size])
-    steady = []
-    for u, row in zip(levels.tolist(), model.rows(levels)[0] if "gain" in numbers else (), strict=False):
-        found = interval(partial(_steady, row), x, uncertainty)
-        steady += [(u, *found)] if found is not None else []
-    ends = PlantIntervals(
-        Ts=tuple(steady), **{name: interval(number, x, uncertainty) for name, number in numbers.items()}
-    )
-    return msgspec.structs.replace(FittedPlant.of(p, units, ends), tried=tried)
+        constant = [name for name in known.numbers if name != "dead_time_s" or constant]
+        rows += [("Ts", u) for u in (inputs.levels.tolist() if inputs.stepwise else ())]
+        rows += [(name, u) for name in constant if known.paced and name in LAGS for u in inputs.shown.tolist()]
 
+    def numbers(x: Array) -> Array:
+        one = replace(model.parameters(x[: model.size]), dead_time_s=solved.setup.dead_time(x))
+        return np.array([*(number(one, name, top) for name in constant), *(number(one, *row) for row in rows)])
 
-def _steady(row: Array, x: Array) -> float:
-    """T_s at the input of a row of the form, by the unknowns."""
-    return float(row @ x[: len(row)])
+    ends, levels = iter(intervals(numbers, solved.x, uncertainty)), dict[str, list[tuple[float, float, float]]]()
+    found = dict(zip(constant, ends, strict=False))
+    for (name, u), one in zip(rows, ends, strict=True):
+        levels.setdefault(name, []).extend([(u, *one)] if one is not None else [])
+    by_level = {name: tuple(at) for name, at in levels.items()}
+    return msgspec.structs.replace(known, ci95=PlantIntervals(levels=by_level, **found), tried=tried)
 
 
 def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | None:
     """T_s, τ1 and τ2 of some levels as a plant of one lag, or two in parallel, has them; None of other kinds."""
-    p, ci95 = part.plant, part.ci95
+    p, rows = part.plant, []
     if p.zeta is not None:
         return None
-    rows, steady = [], {} if ci95 is None else {u: (low, high) for u, low, high in ci95.Ts}
     for u in levels:
-        at = p.at(u)
-        ends = None if ci95 is None else LevelIntervals(steady.get(u), ci95.tau1, ci95.tau2, ci95.C)
+        at, known = p.at(u), {name: one for name, (_, one) in part.at(u).items()}
+        ends = None if part.ci95 is None else LevelIntervals(*(known.get(name) for name in ("Ts", "tau1", "tau2", "C")))
         rows.append(FrictionLevel(u, at.Ts, at.tau1, at.tau2, at.C, ci95=ends))
     return Friction(p.C, levels=tuple(rows))
 
@@ -357,23 +390,24 @@ def start_states(solved: Solved, log: int) -> tuple[float, float]:
     model, p = solved.setup.model, plant_found(solved)
     if model.kind != "swing" or p.zeta is not None:
         return one, two
-    tau, zeta = (float(solved.x[part][0]) for part in model.slices[1:])
-    z = float(solved.coefficients[-1])
+    drive = solved.setup.drives[log]
+    tables, (tau1, tau2) = solved.curves(drive.duty[drive.which[:1]]), p.time_constants(drive.duty[drive.which[0]])
+    tau, zeta, z = tables.tau1[0], tables.tau2[0], solved.coefficients[-1]
     # two lags in parallel with the same output and the same rate of it
-    rates = np.array([[1.0, 1.0], [-1 / p.tau1[0], -1 / p.tau2[0]]])
+    rates = np.array([[1.0, 1.0], [-1 / tau1, -1 / tau2]])
     found = np.linalg.solve(rates, [one + z * two, (two - z * one - 2 * zeta * z * two) / tau])
     return float(found[0]), float(found[1])
 
 
-def interval(number: Callable[[Array], float], x: Array, uncertainty: Spread, size: bool = True) -> Interval:
-    """The 95 % interval of a number of the unknowns; of a `size` above 0 on its logarithm. None: it says nothing."""
-    value, gradient = number(x), np.zeros(len(x))
-    for k in range(len(x)):
-        h = 1e-6 * max(abs(float(x[k])), 1e-9)
-        step = np.zeros(len(x))
-        step[k] = h
-        gradient[k] = (number(x + step) - number(x - step)) / (2 * h)
-    half = uncertainty.of(gradient)
-    if size and value > 0 and half < WIDE_INTERVAL * value:
-        return value * float(np.exp(-half / value)), value * float(np.exp(half / value))
-    return (value - half, value + half) if (value <= 0 or not size) and half < np.inf else None
+def intervals(numbers: Callable[[Array], Array], x: Array, uncertainty: Spread, sizes: bool = True) -> list[Interval]:
+    """The 95 % intervals of numbers of the unknowns, (m,); of `sizes` above 0 on their logarithms. None: it says
+    nothing."""
+    found, gradients = list[Interval](), np.zeros((len(numbers(x)), len(x)))
+    for k, step in enumerate(np.diag(1e-6 * np.maximum(np.abs(x), 1e-9))):
+        gradients[:, k] = (numbers(x + step) - numbers(x - step)) / (2 * step[k])
+    for value, half in zip(numbers(x).tolist(), map(uncertainty.of, gradients), strict=True):
+        if sizes and value > 0 and half < WIDE_INTERVAL * value:
+            found.append((value * float(np.exp(-half / value)), value * float(np.exp(half / value))))
+        else:
+            found.append((value - half, value + half) if (value <= 0 or not sizes) and half < np.inf else None)
+    return found

@@ -1,4 +1,5 @@
-"""Do falls in recorded logs go as rises do? Tested on the data, and fitted where they differ.
+"""Do falls in recorded logs go as rises do? Tested on the data, and fitted where they differ; of one lag, or two in
+parallel.
 
     rest     τ1, τ2 of falls to rest against those of the lowest identified input
     fall     factors on τ1, τ2 of falls between identified inputs against 1
@@ -54,7 +55,7 @@ def tested(base: Solved, stepwise: bool) -> tuple[Solved, tuple[FallTest, ...], 
                 judgements |= _judged(base, differing)
     rows = []
     for extra, numbers in FALL_NAMES.items():
-        for k, name in enumerate(numbers if extra in judgements else ()):
+        for k, name in enumerate(numbers[: len(judgements[extra].values)] if extra in judgements else ()):
             one, scale = judgements[extra], 100.0 if extra == "excess" else 1.0
             value, half = scale * float(one.values[k]), scale * float(one.half[k])
             ends = (value - half, value + half) if half < WIDEST_HALF and extra != "rest" else None
@@ -95,13 +96,13 @@ def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
 def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:
     judgements, model, uncertainty = {}, solved.setup.model, spread(solved)
     for name in names:
-        at, count = solved.setup.at(name), len(NO_EXTRAS[name])
+        at, count = solved.setup.at(name), len(NO_EXTRAS[name]) if model.tau2 is not None else 1
         G = np.zeros((count, solved.setup.size))
         G[:, at : at + count] = np.eye(count)
         values = solved.x[at : at + count]
-        against = as_rises(solved, name)
+        against = as_rises(solved, name)[:count]
         if name == "rest":  # the edge values are estimates too
-            G -= solved.setup.slopes(np.array([model.low]))[1:, 0]
+            G -= solved.setup.slopes(np.array([model.low]))[1 : 1 + count, 0]
         off = values - against
         chance = _chance(off, G, uncertainty)
         half = np.array([uncertainty.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])
@@ -130,15 +131,14 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
 def _findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, ...]:
     findings, kept = [finding("release-not-seen", "release")], solved.setup.extras
     if "rest" in judgements:
-        (tau1, tau2), chance = judgements["rest"].values.tolist(), judgements["rest"].chance
-        edge1, edge2 = edges(solved).tolist()
-        findings = [finding("release-alike", "release", tau1_s=edge1, tau2_s=edge2, chance=chance)]
+        taus_s, chance = tuple(judgements["rest"].values.tolist()), judgements["rest"].chance
+        edges_s = tuple(edges(solved)[: len(taus_s)].tolist())
+        findings = [finding("release-alike", "release", edges_s=edges_s, chance=chance)]
         if "rest" in kept:
-            own = {"tau1_s": tau1, "tau2_s": tau2, "edge1_s": edge1, "edge2_s": edge2}
-            findings = [finding("release-differs", "release", (), **own, chance=chance)]
+            findings = [finding("release-differs", "release", taus_s=taus_s, edges_s=edges_s, chance=chance)]
     if "fall" in kept:
-        (tau1, tau2), chance = judgements["fall"].values.tolist(), judgements["fall"].chance
-        findings.append(finding("falls-differ", "nonlinear", tau1_factor=tau1, tau2_factor=tau2, chance=chance))
+        factors, chance = tuple(judgements["fall"].values.tolist()), judgements["fall"].chance
+        findings.append(finding("falls-differ", "nonlinear", factors=factors, chance=chance))
     if "excess" in kept:
         (excess,), chance = judgements["excess"].values.tolist(), judgements["excess"].chance
         findings.append(finding("hysteresis", "nonlinear", excess_pct=100 * excess, chance=chance))

@@ -8,7 +8,6 @@ with them as their mean curves, each sample of each repeat alike.
 import statistics
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import msgspec
@@ -35,7 +34,7 @@ from eaid.recorded.choice import (
     Chosen,
     about_idle,
     beside_white,
-    interval,
+    intervals,
     levels_of_plant,
     plant_of_logs,
     plant_part,
@@ -172,20 +171,19 @@ def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
     )
 
 
-def _linear_number(name: str, model: forms.Model, x: Array) -> float:
-    return float(getattr(parameters(model, x[: model.size]), name))
-
-
 def linear_of_logs(solved: Solved, base: Solved, levels: Array, options: FitOptions) -> Linear:
     """Eq. (8) of the logs, with what they leave open; and of each level by itself: of steps of the fitted model."""
     model, wanted = solved.setup.model, options.bounds_levels
     pooled, ends = parameters(model, solved.coefficients), None
     if options.ci != "none":
         known = spread(solved)
-        a0, b0, c0 = (partial(_linear_number, name, model) for name in ("a0", "b0", "c0"))
-        ends = PooledIntervals(
-            a0=interval(a0, solved.x, known), b0=interval(b0, solved.x, known), c0=interval(c0, solved.x, known, False)
-        )
+
+        def numbers(x: Array) -> Array:
+            one = parameters(model, x[: model.size])
+            return np.array([one.a0, one.b0, one.c0])
+
+        (a0, b0, _), (*_, c0) = (intervals(numbers, solved.x, known, sizes) for sizes in (True, False))
+        ends = PooledIntervals(a0=a0, b0=b0, c0=c0)
     total = errors(solved.outputs, solved.missed)
     p = replace(plant_found(base), dead_time_s=0.0)  # steps from rest of it to each level, behind its dead time
     slowest = p.slowest_s(levels)
@@ -401,7 +399,7 @@ def fit_recorded(
     if uncertainty is not None and repeats:
         uncertainty = with_runs(uncertainty, base, repeats)
     known = None
-    if uncertainty is not None and base.setup.model.kind != "swing":
+    if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):
         known = curves(base, uncertainty, inputs.shown)
     recorded, told = judged_on_logs(base, chosen, logs, others)
     findings += [*chosen.findings, *told]
@@ -410,15 +408,13 @@ def fit_recorded(
     data = data_of_logs([*logs, *others], runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
     linear = linear_beside(base, chosen, inputs, options) if "linear" in wanted else None
     friction = friction_beside(base, inputs, options, known, "nonlinear" in wanted) if "friction" in wanted else None
-    shown = "nonlinear" in wanted and base.setup.model.kind != "swing" and not base.setup.model.signed
+    shown = "nonlinear" in wanted and base.setup.model.kind in ("parallel", "lag") and not base.setup.model.signed
     release = plant_found(base).release
     return Fit(
         findings=ranked(findings),
         seed=options.seed,
         data=data,
-        plant_=plant_part(base, data, uncertainty, chosen.kinds, inputs.levels if inputs.stepwise else np.zeros(0))
-        if "nonlinear" in wanted
-        else None,
+        plant_=plant_part(base, data, uncertainty, chosen.kinds, inputs) if "nonlinear" in wanted else None,
         converged=base.solver.converged,
         nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown) if shown else None,
         linear=linear,

@@ -408,7 +408,7 @@ def plant_found(solved: Solved) -> Plant:
     found: dict[str, Any] = {"dead_time_s": setup.dead_time(x)}
     for name, extra in (("release", "rest"), ("falls", "fall")):
         if (at := setup.at(extra)) >= 0:
-            found[name] = (float(x[at]), float(x[at + 1]))
+            found[name] = (float(x[at]), float(x[at + (setup.model.tau2 is not None)]))
     if (at := setup.at("excess")) >= 0:
         found["excess"] = float(x[at])
     idles = [idle_found(solved, k) + (one.log.baseline or 0.0) for k, one in enumerate(setup.copies)]

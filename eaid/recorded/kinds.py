@@ -2,7 +2,8 @@
 
 Every kind has one gain and an idle output first; what enters linearly (gain, idle, start states) is solved for on a
 grid of time constants, dampings and dead times (variable projection), and the best places are fitted to their end. Then
-all get more of a gain: quadratic, cubic, one on each side of rest. What counts is
+all get more of a gain: quadratic, cubic, one on each side of rest; and the best few time constants that go with the
+input. What counts is
 
     score = squares (1 + 0.01 p) + 6 p s,    s = squares of the best over the number of independent samples
 
@@ -35,6 +36,7 @@ LAST_STEPS = 4
 THROUGH_ALL = 0.9  # Part of the squares that a gain through every level may leave at most
 BEGUN = 3  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
+PACES = (1, 2)  # Degrees of time constants over the input
 SLOW_PART = 0.4  # Of the longest log, up to which a slow part beside a fast one is no drift
 ENDLESS_TAU = 1e5  # Time constant of none, in records
 INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
@@ -74,6 +76,12 @@ class Tried:
             return self.kind.name
         zeta = float(self.solved.coefficients[model.slices[2]][0])
         return self.kind.name.replace("series", "ringing" if zeta < 1 else "series")
+
+    @property
+    def paced(self) -> bool:
+        """Whether lags of this kind go with the input; the clutch's do."""
+        tau1 = self.solved.setup.model.slices[1]
+        return self.kind in LAG_KINDS and tau1.stop - tau1.start > 1
 
     @property
     def cost(self) -> float:
@@ -183,10 +191,11 @@ def begun(
     tau: float = 1.0,
     zeta: float = 1.0,
     near: Solved | None = None,
+    pace: int = 0,
 ) -> Solved:
-    """A kind fitted from a place of the grid, or with more of a gain from where it ended with less."""
+    """A kind fitted from a place of the grid, or with more of a gain or pace from where it ended with less."""
     model = of_kind(
-        kind.law, gain, search.low, search.high, search.shortest_s, None if kind.zero else 0.0, search.signed
+        kind.law, gain, search.low, search.high, search.shortest_s, None if kind.zero else 0.0, search.signed, pace
     )
     setup = setup_of(model, search.logs, True, theta)
     few = tuple(few_rows(one) for one in setup.copies)
@@ -206,12 +215,14 @@ def begun(
 
 
 def carried(near: Solved, setup: Setup, gain: Form) -> Array:
-    """Unknowns of a richer gain from those of a simpler one, without the dead time."""
+    """Unknowns of a richer gain or pace from those of a simpler one, without the dead time."""
     before, model = near.fitted, setup.model
     values = before.model.rows(gain.inputs)[0] @ near.x[: before.model.size]
     x = np.zeros(setup.size)
     x[model.slices[0]] = np.linalg.lstsq(gain.rows(gain.inputs), values, rcond=None)[0]
-    x[model.slices[0].stop : model.size] = near.x[before.model.slices[0].stop : before.model.size]
+    one, fewer = model.slices[1], before.model.slices[1]
+    x[one][: fewer.stop - fewer.start] = near.x[fewer]
+    x[one.stop : model.size] = near.x[fewer.stop : before.model.size]
     x[setup.shared :] = near.x[before.shared :]
     return x
 
@@ -278,15 +289,15 @@ def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
 
 def with_scores(tried: Sequence[Tried]) -> list[Tried]:
     """With their scores, the least first: unknowns have a price in what one saves of nothing but noise, and in parts of
-    what is left: those of the gain, which differs from run to run, in full, those of the lags as far as that is no
-    white noise; a dead time, which a loop feels most, has none of these."""
-    least = min(tried, key=lambda one: one.cost)
+    what is left: those of gain and pace, which differ from run to run, in full, those of the lags as far as that is no
+    white noise; a dead time, which a loop feels most, has none of these. Noise is what constant lags leave."""
+    least = min((one for one in tried if not one.paced), key=lambda one: one.cost)
     rounding, independent = least.solved.setup.problem().floor / ROUNDING * 1e-13, independent_of(least.solved)
     noise, coloured = least.cost / independent, 1 - min(independent / sum(map(len, least.solved.missed)), 1.0)
     rows = []
     for one in tried:
-        p, of_gain = one.solved.setup.size, one.solved.setup.model.slices[0].stop
-        part = PER_UNKNOWN * (of_gain + coloured * (p - of_gain - ("dead" in one.solved.fitted.extras)))
+        p, of_curves = one.solved.setup.size, one.solved.setup.model.slices[1].stop - 1
+        part = PER_UNKNOWN * (of_curves + coloured * (p - of_curves - ("dead" in one.solved.fitted.extras)))
         rows.append(replace(one, score=(one.cost + rounding) * (1 + part) + PRICE * p * noise))
     return sorted(rows, key=lambda one: one.score)
 
@@ -311,12 +322,31 @@ def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> li
             Tried(one.kind, end) for form, end in more if form.size < levels or end.cost <= THROUGH_ALL * one.cost
         ]
     tried = [one for one in tried if resolved(one, search)] or tried
-    rows = with_scores(tried)
+    rows = with_scores([*tried, *paced(search, with_scores(tried), levels)])
     ended = [on_all(search, one) for one in rows[:FINALISTS]]
     within = max(ended[0].cost - rows[0].cost, 0.0)
     ended += [*(replace(one, within=within) for one in rows[FINALISTS:]), *rivals]
     best, *others = with_scores(ended)
     return [on_all(search, best, last=True), *others]
+
+
+def paced(search: Search, rows: Sequence[Tried], levels: int) -> list[Tried]:
+    """The best kinds, each with every gain that was tried, with time constants that go with the input."""
+    found: list[Tried] = []
+    for kind in list(dict.fromkeys(one.kind for one in rows))[:FINALISTS]:
+        near = [one.solved for one in rows if one.kind == kind]
+        for pace in PACES if search.high > search.low else ():
+            if levels > pace:
+                ends = [_paced(search, kind, one, pace) for one in near]
+                near = [min(ends, key=lambda one: one.cost)]
+                found += [Tried(kind, one) for one in ends]
+    return [one for one in found if resolved(one, search)]
+
+
+def _paced(search: Search, kind: LagKind, near: Solved, pace: int) -> Solved:
+    gain = near.setup.model.Ts
+    assert gain is not None
+    return begun(search, kind, gain, near.fitted.dead_time(near.x), near=near, pace=pace)
 
 
 def resolved(one: Tried, search: Search) -> bool:
@@ -329,7 +359,7 @@ def resolved(one: Tried, search: Search) -> bool:
         return True
     tau, zeta = (float(x[part][0]) for part in model.slices[1:])
     apart = zeta + math.sqrt(max(zeta**2 - 1, 0.0)) if zeta > 1 else 1.0
-    rises = one.kind.zero and zeta > 1 and 0 < in_parallel(tau, zeta, float(x[-1]))[2] < 1  # as a drift does
+    rises = one.kind.zero and zeta > 1 and 0 < in_parallel(zeta, float(x[-1]))[2] < 1  # as a drift does
     longest_s = search.longest_s * (SLOW_PART if rises else 1.0)
     return tau / apart >= 0.5 * search.shortest_s and tau * apart <= longest_s
 

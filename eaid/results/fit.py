@@ -201,18 +201,12 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
     def _of_another_plant(self, level: float) -> dict[str, tuple[float | None, ...]]:
         """T_s at an input and what a plant of another kind is known by there; none of a clutch."""
-        known = {row.name: (row.value, row.low, row.high) for row in self.parameters if row.model == "plant"}
-        part, gain = self.plant_, known.pop("gain", None)
-        if part is None or gain is None:
+        part = self.plant_
+        if part is None or self.nonlinear is not None or not part.another:
             return {}
         if not part.u_range[0] <= level <= part.u_range[1]:
             raise self._outside("level", level, part.u_range)
-        known.pop("gain_below", None)
-        end, straight = float(part.plant.steady(level)), part.tried[0].gain == "one"
-        ends = [level * one if straight and one is not None else None for one in gain[1:]]
-        at_levels = () if part.ci95 is None else part.ci95.Ts
-        ends = next(([low, high] for u, low, high in at_levels if math.isclose(u, level)), ends)
-        return {"Ts": (end, *ends), **known}
+        return {key: (value, *(ends or (None, None))) for key, (value, ends) in part.at(level).items()}
 
     def _on_curve(self, p: models.Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
         """A value of a polynomial and its 95 % interval, on its logarithm, by the covariance of the coefficients; no

@@ -6,6 +6,7 @@ from typing import Any
 from eaid.findings.row import SYMBOLS
 from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit, Parameter
+from eaid.results.plant import LAGS
 
 OPEN_CODES = ("parameter-constrained", "parameter-unknown-at-half-the-levels", "constraint-holds")
 """Codes of findings that name the parameter that has no interval."""
@@ -35,8 +36,13 @@ def table_of(fit: Fit) -> tuple[Parameter, ...]:
 def _plant(fit: Fit) -> Iterator[Named]:
     """What a plant of another kind is known by."""
     if fit.nonlinear is None and fit.plant_ is not None and fit.plant_.another:
-        for name, (value, ends) in fit.plant_.numbers.items():
-            yield "plant", name, "", value, ends, {}
+        part = fit.plant_
+        for name, (value, ends) in part.numbers.items():
+            if not (part.paced and name in LAGS):
+                yield "plant", name, "", value, ends, {}
+                continue
+            for u in [row[0] for row in part.ci95.levels[name]] if part.ci95 is not None else part.u_range:
+                yield "plant", name, "", *part.at(u)[name], {"level": u}
 
 
 def _nonlinear(fit: Fit) -> Iterator[Named]:

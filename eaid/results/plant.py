@@ -1,6 +1,7 @@
 """The plant in fit.json: its numbers, intervals, and the kinds of lag that were tried."""
 
 import math
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -15,6 +16,7 @@ from eaid.results.recorded import KindTried
 if TYPE_CHECKING:
     from eaid.results.models import FrictionLevel, Release
 
+LAGS = ("tau1", "tau2", "omega")  # What may go with the input
 Coefficients = Annotated[tuple[Number, ...], msgspec.Meta(min_length=1)]
 
 
@@ -23,8 +25,8 @@ class PlantIntervals(Result, frozen=True):
 
     gain: Interval = None
     """T_s over the input, at the highest."""
-    Ts: tuple[tuple[Number, Number, Number], ...] = ()
-    """Levels, and the ends of T_s at each; empty where the input moves."""
+    levels: dict[str, tuple[tuple[Number, Number, Number], ...]] = {}
+    """By name inputs, and the ends there: T_s of levels that were held, τ1, τ2 and ω where they go with the input."""
     gain_below: Interval = None
     """The same below rest."""
     tau1: Interval = None
@@ -86,21 +88,39 @@ class FittedPlant(Result, frozen=True):
         return bool(self.tried) and self.tried[0].kind != "clutch"
 
     @property
+    def paced(self) -> bool:
+        """Whether its time constants go with the input."""
+        return any(self.tau1[1:])
+
+    @property
     def numbers(self) -> dict[str, tuple[float, Interval]]:
         """What it is known by, by the names of `ci95`, each with its interval: gain and time constants at the highest
         input."""
         p, top = self.plant, self.u_range[1]
-        tau1, tau2 = (float(one) for one in p.time_constants(top))
-        found = {"gain": float(p.steady(top)) / top}
-        if p.signed:
-            found["gain_below"] = float(p.steady(-top)) / -top
-        if p.zeta is not None and p.kind == "ringing":
-            found |= {"omega": 1 / tau1, "zeta": p.zeta}
-        else:
-            found |= {"tau1": tau1} | ({"tau2": tau2} if p.kind != "lag" else {})
-            found |= {"C": p.C} if p.kind in ("parallel", "overshoot") else {}
-        found |= {"dead_time_s": p.dead_time_s} if p.dead_time_s else {}
-        return {key: (value, getattr(self.ci95, key, None)) for key, value in found.items()}
+        names = ("gain", *("gain_below",) * p.signed, *names_of(p))
+        return {name: (number(p, name, top), getattr(self.ci95, name, None)) for name in names}
+
+    def at(self, u: float) -> dict[str, tuple[float, Interval]]:
+        """T_s and what the plant is known by at an input, each with its interval."""
+        p = self.plant
+        return {name: (value := number(p, name, u), self._ends(name, u, value)) for name in ("Ts", *names_of(p))}
+
+    def _ends(self, key: str, u: float, value: float) -> Interval:
+        """The interval of a value at an input: where it goes with the input no narrower than at those to both sides."""
+        rows = [] if self.ci95 is None else sorted(self.ci95.levels.get(key, ()))
+        if not rows:
+            if key != "Ts":
+                return None if key in LAGS and self.paced else getattr(self.ci95, key, None)
+            gain = getattr(self.ci95, "gain", None)
+            straight = bool(self.tried) and self.tried[0].gain == "one"
+            return (u * gain[0], u * gain[1]) if straight and gain is not None else None
+        at = [row for row in rows if math.isclose(row[0], u)]
+        place = bisect_left(rows, (u,))
+        rows = at or rows[max(place - 1, 0) : place + 1]
+        beside = [(number(self.plant, key, near), low, high) for near, low, high in rows]
+        if value <= 0 or any(own <= 0 for own, *_ in beside):
+            return None
+        return value * min(low / own for own, low, _ in beside), value * max(high / own for own, _, high in beside)
 
     @classmethod
     def of(cls, p: Plant, units: tuple[str, str], ci95: PlantIntervals | None = None) -> "FittedPlant":
@@ -113,6 +133,23 @@ class FittedPlant(Result, frozen=True):
         """The plant itself."""
         held = {one.name: getattr(self, one.name) for one in fields(Plant)}
         return Plant(**held | {"tau2": self.tau2 or self.tau1})
+
+
+def names_of(p: Plant) -> tuple[str, ...]:
+    """What a plant is known by beside its gain, by the names of `PlantIntervals`."""
+    lags = {"lag": ("tau1",), "ringing": ("omega", "zeta"), "series": ("tau1", "tau2")}
+    return (*lags.get(p.kind, ("tau1", "tau2", "C")), *("dead_time_s",) * bool(p.dead_time_s))
+
+
+def number(p: Plant, name: str, u: float) -> float:
+    """What a plant is known by at an input, or at that below rest."""
+    if name in ("Ts", "gain", "gain_below"):
+        at = -u if name == "gain_below" else u
+        return float(p.curve(at)) / (1.0 if name == "Ts" else at)
+    if name in LAGS:
+        tau1, tau2 = map(float, p.time_constants(u))
+        return {"tau1": tau1, "tau2": tau2, "omega": 1 / tau1}[name]
+    return float(getattr(p, name))
 
 
 def falls_between(levels: "Sequence[FrictionLevel]") -> "tuple[FrictionLevel, ...]":

@@ -86,6 +86,8 @@ class KindTried(Result, frozen=True):
     """clutch (two in parallel over the input), lag, series, ringing, zero (two with a zero); `+dead`: a dead time."""
     gain: str
     """curve (polynomials of the input), one (for all inputs), sides (one on each side of rest)."""
+    lags: Literal["constant", "curve"]
+    """Whether time constants are polynomials of the input, too."""
     unknowns: Count
     fit_pct: Number | None
     score: Number | None

@@ -1,15 +1,16 @@
 """A fit in a few lines: how well it follows, T_s, τ1 and τ2 where it matters, which estimate, warnings."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
 from eaid.findings import listed, merged, ranked, say
 from eaid.findings.finding import WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
-from eaid.plant.dynamics import Step
 from eaid.plant.steps import peak_of
 from eaid.results.common import ci95_of
+from eaid.results.plant import LAGS
 from eaid.results.verdict import MODELS, in_short
 from eaid.shown import counted, number, span
 
@@ -111,7 +112,7 @@ def plant_lines(fit: "Fit") -> list[str]:
     numbers = [f"{name} {value}" for name, value in plant_numbers(fit)]
     said = [f"plant  {kind_in_words(part.tried[0].kind)}: {', '.join(numbers)}"]
     if part.kind == "overshoot":
-        at, peak = peak_of(Step(1.0, part.tau1[0], part.tau2[0], part.C))
+        at, peak = peak_of(replace(part.plant.at(part.u_range[1]), Ts=1.0))
         lost = 100 * (1 - 1 / peak)
         said.append(f"peaks  a step reaches {peak:.4g} of its end after {at:.3g} s, and loses {lost:.3g} % of that")
     return said
@@ -127,6 +128,9 @@ def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     for key, (value, ends) in part.numbers.items():
         name = "τ" if key == "tau1" and part.kind == "lag" else CALLED.get(key, key)
         span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
+        if part.paced and key in LAGS:
+            low, high = (part.at(u)[key][0] for u in part.u_range)
+            span, value = f" … {high:.4g} over the input", low
         found.append((name, f"{value:.4g}{span}{units.get(key, ' s')}"))
     return found
 

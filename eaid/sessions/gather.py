@@ -72,8 +72,8 @@ def of_another_plant(fit: Fit) -> list[tuple[float, CurveLevel]]:
     part = fit.plant_
     if part is None or part.ci95 is None:
         return []
-    steady = part.plant.steady
-    return [(u, CurveLevel(u, float(steady(u)), ci95=LevelIntervals((low, high)))) for u, low, high in part.ci95.Ts]
+    rows = part.ci95.levels.get("Ts", ())
+    return [(u, CurveLevel(u, part.at(u)["Ts"][0], ci95=LevelIntervals((low, high)))) for u, low, high in rows]
 
 
 def run_scatter(fit: Fit, name: str) -> float | None:

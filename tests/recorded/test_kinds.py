@@ -230,3 +230,40 @@ def test_a_kind_of_a_log_that_never_rests_says_what_it_assumes_of_rest() -> None
     late = slice(510, None)  # where it began, at rest, is not recorded
     fit = eaid.fit(t[late], u[late], (y + 0.3 * random.standard_normal(len(t)))[late])
     assert fit.plant.kind == "ringing" and "rest-not-seen" in {one.code for one in fit.findings}
+
+
+VARYING = {
+    "lag": replace(plant(0.4, C=1.0), tau1=(0.2, 4e-3), tau2=(0.2, 4e-3), u_range=(30.0, 100.0)),
+    "ringing": replace(plant(0.15, zeta=0.3), tau1=(0.1, 1e-3), u_range=(30.0, 100.0)),
+}
+
+
+@pytest.mark.parametrize("kind", VARYING)
+def test_time_constants_that_go_with_the_input(kind: str, tmp_path: Path) -> None:
+    """One ω for all inputs was 44 % off at the lowest level; one lag had the clutch's T_s, 17 % off."""
+    truth = VARYING[kind]
+    fit, replayed_pct = both(log_of(truth, n=4500), tmp_path)
+    assert fit.plant.kind == kind and fit.plant_.tried[0].lags == "curve" and fit.verdict.usable  # type: ignore[union-attr]
+    assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01) and "over the input" in fit.summary()
+    name = "omega" if kind == "ringing" else "tau1"
+    for u in (30.0, 45.0, 60.0, 100.0):  # at 45 there is no level: no narrower than beside it
+        tau = truth.tau1[0] + truth.tau1[1] * u
+        for key, true in ((name, 1 / tau if kind == "ringing" else tau), ("Ts", 0.04 * u)):
+            _, low, high = fit.at(u).loc[key]
+            assert abs(true - 0.5 * (low + high)) < 0.8 * (high - low) < 0.1 * true, (u, key)
+    gains = eaid.tune_rc(fit)
+    assert all(point.loops["pi"].gain_db >= 6 and point.loops["pi"].phase_deg >= 45 for point in gains.margins.points)
+
+
+@pytest.mark.parametrize("C", [1.0, 1.4])
+def test_one_lag_and_an_overshoot_have_falls_of_their_own(C: float, tmp_path: Path) -> None:
+    """τ1 was 23 % low where falls take 0.6 of the time, without a word."""
+    tau2 = 0.3 if C == 1 else 2.0
+    truth = replace(plant(0.3, tau2, C=C, falls=(0.6, 0.6), release=(0.18, 0.6 * tau2)), u_range=(30.0, 100.0))
+    fit, replayed_pct = both(log_of(truth, n=4500), tmp_path)
+    assert fit.plant.kind == truth.kind and fit.plant.falls == pytest.approx((0.6, 0.6), rel=0.07)
+    assert fit.plant.release == pytest.approx(truth.release, rel=0.1)
+    assert fit.plant.tau1[0] == pytest.approx(0.3, rel=0.02) and fit.plant.C == pytest.approx(C, rel=0.01)
+    assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01) and fit.logs[0].fit_pct > 98
+    assert {"falls-differ", "release-differs"} <= {one.code for one in fit.findings}
+    assert any(point.falling for point in eaid.tune_rc(fit).margins.points)

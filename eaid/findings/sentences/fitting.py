@@ -97,11 +97,15 @@ def _kind(v: Values) -> str:
 
 
 def _falls(v: Values) -> str:
+    each = [f"their {name} is {factor:.3g} times" for name, factor in zip(("τ1", "τ2"), v["factors"], strict=False)]
     return (
-        f"falls between levels are not what rises are: their τ1 is {v['tau1_factor']:.3g} times and their τ2 "
-        f"{v['tau2_factor']:.3g} times that of rises to the same input (chance {v['chance']:.2g}); τ1 and τ2 here are "
-        "those of rises, and the plant has falls of its own"
+        f"falls between levels are not what rises are: {' and '.join(each)} that of rises to the same input (chance "
+        f"{v['chance']:.2g}); time constants here are those of rises, and the plant has falls of its own"
     )
+
+
+def _seconds(values: Sequence[float]) -> str:
+    return " and ".join(f"{one:.3g} s" for one in values)
 
 
 ROWS: dict[str, Row] = {
@@ -393,12 +397,16 @@ ROWS: dict[str, Row] = {
         )
     ),
     "release-differs": note(
-        "falls to rest have time constants of their own, {tau1_s:.3g} s and {tau2_s:.3g} s (the lowest input would "
-        "give {edge1_s:.3g} s and {edge2_s:.3g} s; chance {chance:.2g}); they are fitted and taken for the release"
+        lambda v: (
+            f"falls to rest have time constants of their own, {_seconds(v['taus_s'])} (the lowest input would give "
+            f"{_seconds(v['edges_s'])}; chance {v['chance']:.2g}); they are fitted and taken for the release"
+        )
     ),
     "release-alike": note(
-        "falls to rest are as fast as the lowest input gives, {tau1_s:.3g} s and {tau2_s:.3g} s, as far as these logs "
-        "can tell (chance {chance:.2g})"
+        lambda v: (
+            f"falls to rest are as fast as the lowest input gives, {_seconds(v['edges_s'])}, as far as these logs can "
+            f"tell (chance {v['chance']:.2g})"
+        )
     ),
     "release-not-seen": note(
         "the logs hold no fall to rest: that a release goes as at the lowest input is an assumption"

@@ -239,8 +239,8 @@ def model_tables(fit: Fit) -> list[Table]:
             "On the same logs. Score: the squares that are left, and those that noise alone would save with as many "
             "unknowns, relative to the least.",
             fit.plant_.tried if fit.plant_ is not None else (),
-            ("kind", lambda one: Name(kind_in_words(one.kind))), ("gain", "gain"), ("unknowns", "unknowns"),
-            (("fit", "%", 4), "fit_pct"), (("score", "", 3), "score"),
+            ("kind", lambda one: Name(kind_in_words(one.kind))), ("gain", "gain"), ("time constants", "lags"),
+            ("unknowns", "unknowns"), (("fit", "%", 4), "fit_pct"), (("score", "", 3), "score"),
         )  # fmt: skip
         unseen = table_of(
             "Held out", "The model fitted without a part, on that part: 100 % is perfect, 0 % no better than the mean.",
