@@ -174,9 +174,10 @@ def in_sixty_digits(drive: Drive, swings: bool, x: list[Decimal]) -> list[Decima
             steady *= 1 + excess if fell else 1
             for s, (part, tau) in enumerate(((C, tau1), (1 - C, tau2))):
                 off1 = state[s] - part * steady
-                if off1 > 0 and near >= 1:
+                goes_down = off1 * part > 0  # as the output does: the slow part of an overshoot then rises
+                if goes_down and near >= 1:
                     tau *= falls[s]
-                elif off1 > 0 and rests[s] > 0:
+                elif goes_down and rests[s] > 0:
                     tau = near * tau + (1 - near) * rests[s]
                 state = [*state[:s], part * steady + (-dt / tau).exp() * off1, *state[s + 1 :]]
         now = at
