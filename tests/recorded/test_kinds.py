@@ -263,7 +263,7 @@ def test_one_lag_and_an_overshoot_have_falls_of_their_own(C: float, tmp_path: Pa
     fit, replayed_pct = both(log_of(truth, n=4500), tmp_path)
     assert fit.plant.kind == truth.kind and fit.plant.falls == pytest.approx((0.6, 0.6), rel=0.07)
     assert fit.plant.release == pytest.approx(truth.release, rel=0.1)
-    assert fit.plant.tau1[0] == pytest.approx(0.3, rel=0.02) and fit.plant.C == pytest.approx(C, rel=0.01)
+    assert fit.plant.tau1[0] == pytest.approx(0.3, rel=0.02) and abs(fit.plant.C - C) < 0.01
     assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01) and fit.logs[0].fit_pct > 98
     assert {"falls-differ", "release-differs"} <= {one.code for one in fit.findings}
     assert any(point.falling for point in eaid.tune_rc(fit).margins.points)
