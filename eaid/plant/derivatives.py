@@ -63,7 +63,11 @@ def derivatives(drive: Drive, tables: Tables, scalars: Array, place: Integers, c
             part, risen = (1.0 - share, tables.tau2[i]) if s else (share, tables.tau1[i])
             off = x[s] - part * total
             tau, by_risen, by_rest, by_fall = acting_tau(
-                risen, off < 0.0 if s and share > 1.0 else off > 0.0, tables.rest[i], scalars[AT_REST + s], scalars[AT_FALL + s]
+                risen,
+                off < 0.0 if s and share > 1.0 else off > 0.0,
+                tables.rest[i],
+                scalars[AT_REST + s],
+                scalars[AT_FALL + s],
             )
             if moved:  # x'(old) − x'(new)
                 sens[s, place[AT_DEAD]] += rate[s] + off / tau

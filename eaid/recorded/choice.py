@@ -115,7 +115,7 @@ def plant_of_logs(
         return replace(clutch, kinds=kinds)
     told = [*_told(best, kinds, logs), *(more for one, log in zip(late, noted, strict=True) for more in one.told(log))]
     chosen = Chosen(best.solved, tuple(logs), (), kinds, told, late)
-    if not falls or signed or of_loops or (pair := as_pair(best.solved)) is None:
+    if not (falls and explains) or signed or of_loops or (pair := as_pair(best.solved)) is None:
         return chosen
     solved, of_falls, found = tested(pair, inputs.stepwise)
     return replace(chosen, solved=best.solved if solved is pair else solved, falls=of_falls, findings=[*told, *found])

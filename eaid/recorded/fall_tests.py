@@ -112,12 +112,12 @@ def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:
     return judgements
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
 def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
     """Wald's test: the correlation by the noise's estimate, sizes and degrees of freedom as for intervals; 1 where the
     data say nothing."""
     own, degrees = zip(*(uncertainty.variance(row) for row in G), strict=True)
-    with np.errstate(over="ignore", invalid="ignore"):
-        V = G @ uncertainty.noise @ G.T
+    V = G @ uncertainty.noise @ G.T
     if not (np.isfinite(V).all() and np.isfinite(own).all()):
         return 1.0
     sizes = np.sqrt(np.array(own) / np.maximum(np.diagonal(V), 1e-300))

@@ -174,7 +174,7 @@ def in_sixty_digits(drive: Drive, swings: bool, x: list[Decimal]) -> list[Decima
             steady *= 1 + excess if fell else 1
             for s, (part, tau) in enumerate(((C, tau1), (1 - C, tau2))):
                 off1 = state[s] - part * steady
-                goes_down = off1 > 0 if s == 0 or C < Decimal("1.001") else off1 < 0  # as the output does
+                goes_down = off1 > 0 if s == 0 or Decimal("1.001") > C else off1 < 0  # as the output does
                 if goes_down and near >= 1:
                     tau *= falls[s]
                 elif goes_down and rests[s] > 0:
