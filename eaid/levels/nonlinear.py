@@ -25,7 +25,7 @@ from eaid.levels.certainty import Estimate
 from eaid.levels.friction import HELD_BY, LevelValues, level_findings, quoted, tau2_open, wider
 from eaid.levels.from_steps import Solution, textbook_covariance
 from eaid.levels.torque_curve import BEYOND_CHANCE
-from eaid.levels.unseen import levels_left_out, worse_unseen
+from eaid.levels.unseen import levels_left_out
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.respond import from_rest
@@ -134,10 +134,8 @@ def nonlinear_part(
     told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *bent, *scattered]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
     scatter = estimate.level_scatter if options.estimator != "joint" else None
-    unseen = levels_left_out(estimate, options) if options.estimator != "joint" else None
-    if unseen is not None:
-        # a curve through the levels fits each of them by itself: that it falls between them is no fault
-        told += worse_unseen(unseen.held_pct if through else unseen.fit_pct, unseen.held_pct, "levels")
+    unseen, worse = levels_left_out(estimate, options) if options.estimator != "joint" else (None, [])
+    told += worse
     shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter, left_out=unseen)
     return shown, own, [*told, *parts]
 

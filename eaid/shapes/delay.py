@@ -77,8 +77,9 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
         found = extrapolated(stepset)
         theta_s = found.dead_time_s
         levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
-        if theta_s or sum(evidence(level, share) for level in levels) > LATE_EVIDENCE:
-            by_curves = of_least_squares(levels, share)
+        law = Law("free", share) if options.held_share in (None, SHARE) else Law("two", share)
+        if theta_s or sum(evidence(level, law) for level in levels) > LATE_EVIDENCE:
+            by_curves = of_least_squares(levels, law)
             if by_curves is not None:
                 return by_curves
         better = sum(explained_as_well(step, theta_s, options) for step in steps) if theta_s else 0
@@ -133,29 +134,37 @@ def _told(found: Array, levels: Sequence[Level]) -> Begin:
     return Begin(mean, findings=(late,))
 
 
-def evidence(level: Level, share: float) -> float:
+class Law(NamedTuple):
+    """Two exponentials: with C held at a share, or free where no user holds it, for a wrong C hides a dead time."""
+
+    shape: str
+    share: float
+
+
+def evidence(level: Level, law: Law) -> float:
     """By how much the logarithm of the likelihood of a level's mean curve grows with a dead time, twice."""
     points = averaged_record(level.time_s, level.mean)
-    plain, late = (_fitted(points, delays, share) for delays in ([0.0], delays_tried(points)))
+    plain, late = (_fitted(points, delays, law) for delays in ([0.0], delays_tried(points)))
     if plain is None or late is None or not 0 < late[1] < plain[1]:
         return 0.0
     return independent_samples(level.mean - step_curve(late[0], level.time_s)) * float(np.log(plain[1] / late[1]))
 
 
-def _fitted(points: AveragedRecord, delays: Sequence[float], share: float) -> tuple[Array, float] | None:
+def _fitted(points: AveragedRecord, delays: Sequence[float], law: Law) -> tuple[Array, float] | None:
     """Two exponentials from the best of some dead times, and what they leave; None: no place on the grid."""
-    starts = starts_of(points, float(points.time_s[-1]), delays, share, ("two",))["two"]
+    starts = starts_of(points, float(points.time_s[-1]), delays, law.share, (law.shape,))[law.shape]
     if not starts:
         return None
-    p, left = min((least(points, p, "two", FREE["two"], SHAPES_SETTLED) for p in starts), key=lambda end: end[1])
+    ends = (least(points, p, law.shape, FREE[law.shape], SHAPES_SETTLED) for p in starts)
+    p, left = min(ends, key=lambda end: end[1])
     return p, left + points.within
 
 
-def of_least_squares(levels: Sequence[Level], share: float) -> Begin | None:
+def of_least_squares(levels: Sequence[Level], law: Law) -> Begin | None:
     """The dead time behind which two exponentials leave least of the levels' mean curves; None where they leave more
     than noise."""
     points = [averaged_record(level.time_s, level.mean) for level in levels]
-    fits = [_fitted(one, [0.0, *delays_tried(one)], share) for one in points]
+    fits, free = [_fitted(one, [0.0, *delays_tried(one)], law) for one in points], FREE[law.shape]
     near = [found[0] for found in fits if found is not None]
     if len(near) < len(fits):
         return None
@@ -163,7 +172,7 @@ def of_least_squares(levels: Sequence[Level], share: float) -> Begin | None:
 
     def ends(theta: float) -> list[tuple[Array, float]]:  # always from there: far off, a curve ends elsewhere
         begin = [np.append(p[:4], theta) for p in near]
-        return [least(one, p, "two", FREE["two"], SHAPES_SETTLED) for one, p in zip(points, begin, strict=True)]
+        return [least(one, p, law.shape, free, SHAPES_SETTLED) for one, p in zip(points, begin, strict=True)]
 
     def cost(theta: float) -> float:
         each = zip(ends(theta), points, noise, strict=True)
@@ -177,7 +186,7 @@ def of_least_squares(levels: Sequence[Level], share: float) -> Begin | None:
     near = [p for p, _ in ends(float(best))]
     found, white = [], 0
     for level, p in zip(levels, near, strict=True):
-        curve, J = step_curve(p, level.time_s), slopes(p, level.time_s)[:, [*FREE["two"], 4]]
+        curve, J = step_curve(p, level.time_s), slopes(p, level.time_s)[:, [*free, 4]]
         white += independent_samples(level.mean - curve) > WHITE * len(curve)
         unit = inverse(J.T @ J)
         for run in level.runs:
