@@ -32,7 +32,7 @@ from eaid.recorded.kinds import (
     search_of,
     with_scores,
 )
-from eaid.recorded.late import LEAST_CHANGES, LOWER, ON_TIME, Delay, common_delay, delays, timed
+from eaid.recorded.late import LEAST_CHANGES, LOWER, ON_TIME, Delay, common_delay, delays, follows_output, timed
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
 from eaid.results.models import FittedData, Friction, FrictionLevel, LevelIntervals
@@ -51,6 +51,8 @@ LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
+SHARE_CHANCE = 1e-3  # That noise alone rejects the C that was held
+SURE_SHARE = 0.05  # Half-width of C up to which it takes the place of that
 FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
@@ -115,9 +117,10 @@ def plant_of_logs(
         return replace(clutch, kinds=kinds)
     told = [*_told(best, kinds, logs), *(more for one, log in zip(late, noted, strict=True) for more in one.told(log))]
     chosen = Chosen(best.solved, tuple(logs), (), kinds, told, late)
-    if not (falls and explains) or signed or of_loops or (pair := as_pair(best.solved)) is None:
+    pair = as_pair(best.solved) if falls and explains and not (signed or answers(best.solved, logs)) else None
+    if pair is None:
         return chosen
-    solved, of_falls, found = tested(pair, inputs.stepwise)
+    solved, of_falls, found = tested(pair, inputs.stepwise, free=True)
     return replace(chosen, solved=best.solved if solved is pair else solved, falls=of_falls, findings=[*told, *found])
 
 
@@ -298,11 +301,33 @@ def _of_the_clutch(
             findings += one.told(log)
         elif theta_s > 0:
             findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
+    free = not answers(base, behind.logs)
+    if free and options.share == SHARE and not others and (found := with_share_free(base)) is not None:
+        base, ends = found
+        low, high = base.x[base.setup.model.size - 1] + np.array([-ends, ends])
+        findings.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=(low + high) / 2, low=low, high=high))
     of_falls: tuple[FallTest, ...] = ()
     if falls:
-        base, of_falls, more = tested(base, inputs.stepwise)
+        base, of_falls, more = tested(base, inputs.stepwise, free)
         findings += more
     return Chosen(base, behind.logs, of_falls, (), findings, behind.late)
+
+
+def answers(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
+    """Whether the input of some log answers its output, as a loop's does."""
+    return any(log.reference is not None or follows_output(solved, k, log) for k, log in enumerate(logs))
+
+
+def with_share_free(held: Solved) -> tuple[Solved, float] | None:
+    """A fit with C free, and its half-width, where logs reject the one that was held and tell another."""
+    setup, at = held.fitted, held.fitted.model.size
+    free = finished(replace(setup, model=replace(setup.model, share=None)), [np.insert(held.x, at, SHARE)])
+    noise = held.cost / independent_of(held)
+    if free.cost > held.cost - float(chdtri(1, SHARE_CHANCE)) * noise or not 0 < free.x[at] < 1:
+        return None
+    half = spread(free).of(np.eye(len(free.x))[at])
+    off = abs(free.x[at] - SHARE)
+    return (free, half) if off > half and half < SURE_SHARE and 0 < free.x[at] - half < free.x[at] + half < 1 else None
 
 
 def energy(log: RecordedLog) -> float:

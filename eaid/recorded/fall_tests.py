@@ -31,20 +31,21 @@ FALL_NAMES = {
 WIDEST_HALF = 1e6  # Half-width beyond which there is no interval
 
 
-def seen(drives: tuple[Drive, ...], low: float, stepwise: bool) -> tuple[str, ...]:
-    """Which of the three the inputs can tell."""
+def seen(drives: tuple[Drive, ...], low: float, stepwise: bool, free: bool) -> tuple[str, ...]:
+    """Which of the three the inputs can tell: one that moves and is not free, but a loop's, tells none between levels."""
     rests = falls = 0
     for drive in drives:
         level = drive.duty[drive.which]
         fell = np.flatnonzero((level[:-1] > 0) & (level[1:] == 0))
         rests += any(int((level[at + 1 :] == 0).argmin() or len(level) - at - 1) >= 8 for at in fell)
         falls += int(((level[1:] < level[:-1]) & (level[1:] >= low)).sum())
-    return (*(["rest"] if rests else []), *(["fall", "excess"] if stepwise and falls >= 2 else []))
+    of_falls = ("fall", *("excess",) * bool(stepwise)) if falls >= 2 and (stepwise or free) else ()
+    return (*("rest",) * bool(rests), *of_falls)
 
 
-def tested(base: Solved, stepwise: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
+def tested(base: Solved, stepwise: bool, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
     """Test all that the inputs can tell together, then fit again with those that differ: they are its extras."""
-    names = seen(base.setup.drives, base.setup.model.low, stepwise)
+    names = seen(base.setup.drives, base.setup.model.low, stepwise, free)
     judgements: dict[str, Judged] = {}
     if names:
         whole = with_falls(base, names)

@@ -28,7 +28,6 @@ from eaid.levels.release import release_of
 from eaid.levels.unseen import worse_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
-from eaid.plant.dynamics import SHARE
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import (
     Chosen,
@@ -205,8 +204,7 @@ def linear_of_logs(solved: Solved, base: Solved, levels: Array, options: FitOpti
 
 def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -> Friction:
     """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, or each level's by itself."""
-    share, tables = solved.setup.model.share, solved.curves(levels)
-    assert share is not None
+    share, tables = plant_found(solved).C, solved.curves(levels)
     ends = {row.level: row.ci95 for row in (() if known is None else known.rows)}
     values = zip(tables.steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
     rows = [
@@ -419,7 +417,7 @@ def fit_recorded(
         nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown) if shown else None,
         linear=linear,
         friction=friction,
-        release=None if release is None else Release(*release, options.held_share or SHARE),
+        release=None if release is None else Release(*release, plant_found(base).C),
         uncertainty=None if uncertainty is None else uncertainty_part(base, uncertainty),
         recorded=msgspec.structs.replace(
             recorded,

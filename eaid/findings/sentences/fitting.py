@@ -216,6 +216,9 @@ ROWS: dict[str, Row] = {
         "C is free ({C:.3g}): it trades against τ2 wherever the record is not several τ2 long, and T_s and τ2 are less "
         "sure for it; hold C unless the data ask for another"
     ),
+    "share-by-evidence": note(
+        "the logs reject C = {held:g} and tell C = {C:.3g} ({low:.3g} … {high:.3g}), which the plant has"
+    ),
     "one-level-linear": caution(
         "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level", rank=1
     ),
