@@ -27,7 +27,7 @@ def log(seed: int, seconds: float = 60.0, drift: float = 0.0) -> pd.DataFrame:
 
 def fit(*logs: pd.DataFrame) -> eaid.Fit:
     named = {f"log{k}": one for k, one in enumerate(logs)}
-    return eaid.fit(eaid.read(named, logs_as="recorded"), model=("nonlinear",), ci="none")
+    return eaid.fit(eaid.read(named, logs_as="recorded"), model=("nonlinear",), ci="none", shape="one")
 
 
 @pytest.mark.parametrize(
@@ -67,5 +67,5 @@ def test_a_rest_that_does_not_tell_the_model_is_no_witness(seed: int) -> None:
         y[k] = x1 + x2
         x1 += (1 - np.exp(-dt_s / 0.6)) * (0.34 * u[k] - x1)
         x2 += (1 - np.exp(-dt_s / 6.0)) * (0.06 * u[k] - x2)
-    fit = eaid.fit(t, u, y + 0.004 * random.standard_normal(600))
+    fit = eaid.fit(t, u, y + 0.004 * random.standard_normal(600), shape="one")
     assert fit.verdict.usable and fit.recorded.hold_out is None

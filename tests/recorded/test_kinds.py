@@ -46,15 +46,16 @@ def log_of(
     )
 
 
-def fitted(log: pd.DataFrame, **more: Any) -> eaid.Fit:
-    return eaid.fit(eaid.read(log, logs_as="recorded", **OPTIONS), **more)
+def fitted(log: Any, **more: Any) -> eaid.Fit:
+    """Of each hold by itself one lag is asked for, which no test here is about."""
+    return eaid.fit(eaid.read(log, logs_as="recorded", **OPTIONS), **{"shape": "one"} | more)
 
 
 def both(log: pd.DataFrame, folder: Path) -> tuple[eaid.Fit, float]:
     """The fit of a log, and what is left of its percentage where its plant is replayed on that log."""
     file = folder / "log.csv"
     log.to_csv(file, index=False, float_format="%.17g")
-    fit = eaid.fit(eaid.read(file, logs_as="recorded", **OPTIONS))
+    fit = fitted(file)
     run = eaid.simulate(fit, log=file)  # its columns are those that the fit was told
     return fit, float(next(iter(run.records.values())).metrics.fit_pct)
 
