@@ -60,9 +60,10 @@ def loaded(plain: dict[str, Any]) -> Any:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep a room's tests in one process (`--dist loadgroup`), which makes its data sets once."""
+    """Keep the tests of a room with data sets of its own in one process (`--dist loadgroup`), the others by file."""
     for item in items:
-        item.add_marker(pytest.mark.xdist_group(item.path.relative_to(ROOT / "tests").parts[0]))
+        shares = (item.path.parent / "conftest.py").exists() and item.path.parent != ROOT / "tests"
+        item.add_marker(pytest.mark.xdist_group(str((item.path.parent if shares else item.path).relative_to(ROOT))))
 
 
 @dataclass(frozen=True)

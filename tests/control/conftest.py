@@ -1,5 +1,6 @@
 """Fits written by hand, as a user's script writes fit.json, and the gains that `eaid.tune_rc` makes of them."""
 
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -23,12 +24,16 @@ def fit_of() -> Callable[..., "eaid.Fit"]:
 
 @pytest.fixture(scope="session")
 def tuned(fit_of: Callable[..., "eaid.Fit"]) -> Callable[..., "eaid.Gains"]:
-    """Gains of such a fit under options of `tune_rc`."""
+    """Gains of such a fit under options of `tune_rc`; made once of the same numbers."""
     names = ("linear", "nonlinear", "data", "steps", "uncertainty", "findings")
+    made: dict[bytes, eaid.Gains] = {}
 
     def tuned(**given: Any) -> "eaid.Gains":
-        parts = {name: given.pop(name) for name in names if name in given}
-        return eaid.tune_rc(fit_of(**parts), **given)
+        key = pickle.dumps(sorted(given.items()))
+        if key not in made:
+            parts = {name: given.pop(name) for name in names if name in given}
+            made[key] = eaid.tune_rc(fit_of(**parts), **given)
+        return made[key]
 
     return tuned
 
