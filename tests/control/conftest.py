@@ -1,6 +1,5 @@
 """Fits written by hand, as a user's script writes fit.json, and the gains that `eaid.tune_rc` makes of them."""
 
-import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -8,7 +7,7 @@ import pytest
 
 import eaid
 
-from ..conftest import LINEAR, PLANT, loaded
+from ..conftest import LINEAR, PLANT, loaded, made_once
 
 
 @pytest.fixture(scope="session")
@@ -26,14 +25,11 @@ def fit_of() -> Callable[..., "eaid.Fit"]:
 def tuned(fit_of: Callable[..., "eaid.Fit"]) -> Callable[..., "eaid.Gains"]:
     """Gains of such a fit under options of `tune_rc`; made once of the same numbers."""
     names = ("linear", "nonlinear", "data", "steps", "uncertainty", "findings")
-    made: dict[bytes, eaid.Gains] = {}
 
+    @made_once
     def tuned(**given: Any) -> "eaid.Gains":
-        key = pickle.dumps(sorted(given.items()))
-        if key not in made:
-            parts = {name: given.pop(name) for name in names if name in given}
-            made[key] = eaid.tune_rc(fit_of(**parts), **given)
-        return made[key]
+        parts = {name: given.pop(name) for name in names if name in given}
+        return eaid.tune_rc(fit_of(**parts), **given)
 
     return tuned
 
