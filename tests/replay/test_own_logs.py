@@ -42,7 +42,7 @@ def staircase(name):
 
 
 def steps(folder, one, until_s=np.inf):
-    for k, level in enumerate((0.25, 0.5, 0.75, 1.0) * 2):
+    for k, level in enumerate((0.25, 0.6, 1.0) * 2):
         t = np.arange(1200) * 0.02
         logged(one, t, np.where((t < 2) | (t >= until_s), 0.0, level)).to_csv(folder / f"{k}.csv", index=False)
 
