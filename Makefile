@@ -5,7 +5,9 @@ BIN := .venv/Scripts
 else
 BIN := .venv/bin
 endif
+PIP := $(BIN)/python -m pip install -q --no-compile -c constraints.txt -e
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test quick test-all check bench mutants docs screenshot reports datasets wheel clean
 
@@ -55,27 +57,27 @@ wheel: .venv/.dev
 
 .venv/.run: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -q -c constraints.txt -e .
+	$(PIP) .
 	@touch $@
 
 .venv/.test: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -q -c constraints.txt -e ".[test]"
+	$(PIP) ".[test]"
 	@touch .venv/.run $@
 
 .venv/.dev: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -q -c constraints.txt -e ".[dev]"
+	$(PIP) ".[dev]"
 	@touch .venv/.run .venv/.test $@
 
 .venv/.bench: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -q -c constraints.txt -e ".[dev,bench]"
+	$(PIP) ".[dev,bench]"
 	@touch .venv/.run $@
 
 .venv/.docs: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -q -c constraints.txt -e ".[docs]"
+	$(PIP) ".[docs]"
 	@touch .venv/.run $@
 
 clean:

@@ -2,13 +2,15 @@
 
 import json
 import os
+import pickle
 import runpy
 import signal
 import tempfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 # Short kernels: several BLAS threads fight over them and over the machine.
 for _name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
@@ -31,6 +33,7 @@ from eaid.plant.steps import step_response  # noqa: E402
 from eaid.steps.stepset import Level, StepSet  # noqa: E402
 
 ROOT = Path(__file__).parents[1]
+Made = TypeVar("Made", bound=Callable[..., Any])
 settings.register_profile("loaded", suppress_health_check=[HealthCheck.too_slow], deadline=None)
 settings.load_profile("loaded")  # another program on the machine is no failure
 PLANT: dict[str, Any] = {
@@ -50,6 +53,20 @@ GAINS: dict[str, Any] = {
 """The reference plant, the paper's linear model and its gains, as a script writes them into fit.json and gains.json."""
 
 
+def made_once(make: Made) -> Made:
+    """A function that makes a thing of the same arguments once: results do not change."""
+    held: dict[bytes, Any] = {}
+
+    @wraps(make)
+    def kept(*given: Any, **named: Any) -> Any:
+        key = pickle.dumps((given, sorted(named.items())))
+        if key not in held:
+            held[key] = make(*given, **named)
+        return held[key]
+
+    return kept  # type: ignore[return-value]
+
+
 def loaded(plain: dict[str, Any]) -> Any:
     """The result of a file that a script wrote; what is None is left out."""
     with tempfile.TemporaryDirectory() as folder:
@@ -60,9 +77,10 @@ def loaded(plain: dict[str, Any]) -> Any:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep a room's tests in one process (`--dist loadgroup`), which makes its data sets once."""
+    """Keep the tests of a room with data sets of its own in one process (`--dist loadgroup`), the others by file."""
     for item in items:
-        item.add_marker(pytest.mark.xdist_group(item.path.relative_to(ROOT / "tests").parts[0]))
+        shares = (item.path.parent / "conftest.py").exists() and item.path.parent != ROOT / "tests"
+        item.add_marker(pytest.mark.xdist_group(str((item.path.parent if shares else item.path).relative_to(ROOT))))
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ def results() -> dict[str, Any]:
     random = eaid.synth(excitation="random", rate_hz=20.0, shape={"duration_s": 40.0})
     days = [(f"s{k}", u, u * (1 + 0.1 * k), 0.01) for k in range(4) for u in (20.0, 60.0, 100.0)]
     return {
-        "fit.json": fit, "force.json": eaid.fit(force), "recorded.json": eaid.fit(random), "gains.json": gains,
+        "fit.json": fit, "force.json": eaid.fit(force), "recorded.json": eaid.fit(random, shape="one"), "gains.json": gains,
         "rig.json": eaid.sessions(pd.DataFrame(days, columns=["session", "level", "value", "sd_log"])),
         "compare.json": eaid.compare(fit, eaid.fit(eaid.synth(rate_hz=50.0, repeats=2, seed=1)), gains=gains),
         "couple.json": eaid.couple(fit, gains, torque=(1.0,), loops=("pi",), replay=False),
@@ -137,7 +137,7 @@ def promised() -> Iterator[tuple[str, str]]:
 
 def test_the_options_that_scripts_use_are_those_of_their_commands(run_eaid: Callable[..., Any]) -> None:
     wanted = [*promised(), *(("simulate", option) for option in ("--columns", "--units", "--repair"))]
-    told = {name: re.findall(r"--[a-z][a-z-]+", run_eaid(name, "--help").out) for name, _ in wanted}
+    told = {name: re.findall(r"--[a-z][a-z-]+", run_eaid(name, "--help").out) for name in {name for name, _ in wanted}}
     assert len(wanted) > 60 and set(told) == {"ingest", "fit", "tune-rc", "simulate", "synth", "plan", "export"}
     assert [one for one in wanted if one[1] not in told[one[0]]] == []
 

@@ -11,6 +11,7 @@ form. Constants are those of `eaid.export.constants`, floats or numpy.float32, a
 
 import math
 from collections.abc import Callable
+from itertools import count, takewhile
 from typing import Any, TypeAlias
 
 from eaid.plant.dynamics import PlantNumbers, plant_pull, plant_terms
@@ -20,7 +21,6 @@ Number: TypeAlias = Any  # float or numpy.float32
 BAD_INPUT, AT_MIN, AT_MAX = 2, 4, 8  # Bits of the status; the sample time is here always the right one
 HUGE = 1e9  # Inputs beyond it are as bad as NaN
 TANH_ONE = 19.1
-MOST_PIECES = 1000  # Of T_s(u)
 SPANS, HALVINGS = 40, 60  # Doublings and halvings in which a bumpless start finds its integral
 
 
@@ -179,7 +179,7 @@ def numbers(c: Any) -> PlantNumbers:
     def curve(name: str, count: int) -> Any:
         return tuple(getattr(c, f"{name}_{k}", 0.0) for k in range(count))
 
-    names = ["Ts", *(f"Ts{k}" for k in range(1, MOST_PIECES) if hasattr(c, f"Ts{k}_0"))]
+    names = ["Ts", *takewhile(lambda name: hasattr(c, f"{name}_0"), (f"Ts{k}" for k in count(1)))]
     pieces = tuple((getattr(c, f"{name}_from", 0.0), *curve(name, 4)) for name in names)
     return PlantNumbers(
         getattr(c, "C", 1.0), curve("tau1", 3), curve("tau2", 3), curve("Ts", 4), c.u_low, c.u_high,

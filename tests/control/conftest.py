@@ -7,7 +7,7 @@ import pytest
 
 import eaid
 
-from ..conftest import LINEAR, PLANT, loaded
+from ..conftest import LINEAR, PLANT, loaded, made_once
 
 
 @pytest.fixture(scope="session")
@@ -23,9 +23,10 @@ def fit_of() -> Callable[..., "eaid.Fit"]:
 
 @pytest.fixture(scope="session")
 def tuned(fit_of: Callable[..., "eaid.Fit"]) -> Callable[..., "eaid.Gains"]:
-    """Gains of such a fit under options of `tune_rc`."""
+    """Gains of such a fit under options of `tune_rc`; made once of the same numbers."""
     names = ("linear", "nonlinear", "data", "steps", "uncertainty", "findings")
 
+    @made_once
     def tuned(**given: Any) -> "eaid.Gains":
         parts = {name: given.pop(name) for name in names if name in given}
         return eaid.tune_rc(fit_of(**parts), **given)

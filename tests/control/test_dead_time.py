@@ -18,7 +18,7 @@ from eaid.plant.operating import around
 
 from .test_smith import fit_of as heater
 
-LEVELS = range(10, 101, 15)
+LEVELS = range(10, 101, 30)
 
 
 def rig(dead_s: float, slower: float) -> Plant:

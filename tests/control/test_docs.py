@@ -104,8 +104,8 @@ def test_noise_over_seeds(fit, rows):
         ("minimax, 2 B_m B_M/(B_m + B_M)", {"b_hat": "minimax"}),
     ],
 )
-def test_row_of_B_hat(fit, start, options):
-    found = eaid.tune_rc(fit, **options)
+def test_row_of_B_hat(tuned, start, options):
+    found = tuned(nonlinear=True, **options)
     rc = found.rc
     row = (
         f"| {start} | {rc.B_hat:.1f} | {rc.alpha:.4f} | {rc.alpha_reached:.4f} | {'yes' if rc.rho_covers else 'no'} "
@@ -114,13 +114,13 @@ def test_row_of_B_hat(fit, start, options):
     assert row in TEXT
 
 
-def test_readings_mismatch_and_slope(fit, fit_of, tuned):
+def test_readings_mismatch_and_slope(tuned):
     for reading, constant in (("paper", "10.8125"), ("textbook", "6.09765")):
         rc = tuned(rho=reading).rc
         assert f"{rc.rho.constant:.6g}" == constant and f"{constant} + {rc.rho.slope:.6g} ‖ξ‖" in TEXT
         assert f"{rc.phi_honest_pct:.3g} % duty" in TEXT
     linear = {"a0": 1.84393, "b0": 0.0782825, "c0": -1.343124, "bounds": {"B_m": 8.349, "B_M": 41.142}}
-    published, fitted = eaid.tune_rc(fit), tuned(nonlinear=True, linear=linear)
+    published, fitted = tuned(nonlinear=True), tuned(nonlinear=True, linear=linear)
     needed = [gains.guarantee.conditions[1].needed for gains in (published, fitted)]
     assert f"{needed[0]:.1f} % duty" in TEXT and f"{needed[1]:.1f} % for the model" in TEXT
     assert f"{published.rc.phi_honest_pct:.1f} % and {fitted.rc.phi_honest_pct:.1f} %" in TEXT

@@ -28,14 +28,12 @@ def triangle(low, high, slope, seconds=8.0):
 
 
 @pytest.fixture
-def judged(tuned, tmp_path):
+def judged(tuned):
     """Gains for a reference, φ 1 % duty, with other options and another linear model."""
 
     def judged(reference, linear=None, **options):
-        file = tmp_path / "reference.csv"
-        np.savetxt(file, np.c_[reference], "%.15g", ",", header="time_s,reference_nm", comments="")
         given = {"rho": "textbook", "b_hat": "minimax", "phi": 1.0, "pi_gains": (10.0, 10.0), **options}
-        return tuned(linear={**LINEAR, **(linear or {})}, nonlinear=PLANT, reference=file, **given)
+        return tuned(linear={**LINEAR, **(linear or {})}, nonlinear=PLANT, reference=reference, **given)
 
     return judged
 
@@ -139,6 +137,7 @@ def test_the_duty_asked_is_that_of_the_worst_plant_along_the_reference(judged):
     assert rows["duty-limit"].needed == pytest.approx(20 * 3.5 + 1 + 6.2 * 3, abs=0.1)
     assert rows["duty-floor"].needed == pytest.approx(20 * 1.5 - 1 - 6.2 * 3, abs=0.1)
     assert (rows["duty-limit"].available, rows["duty-floor"].available) == (100.0, 0.0)
+    reference = triangle(1.5, 3.5, 3.0, 1.4)  # both slopes
     assert judged(reference, duty_limits=(0.0, 89.0)).guarantee.missing == ("duty-limit",)
     assert judged(reference, duty_limits=(11.0, 100.0)).guarantee.missing == ("duty-floor",)
     # a model whose torque settles so quickly that (b) fails has to do it an error further out

@@ -12,8 +12,8 @@ import eaid
 LAGS = ((0.0772, 0.2673), (0.0136, 15.53))
 """Gain [N·m/%] and time constant [s] of two lags, as around 100 % duty of the reference plant."""
 PI = (21.0, 360.0)
-MILD = {"kp": 0.3, "kd": 1.36, "q_max": 0.1, "phi": 0.001, "epsilon": 1e6, "gamma": 1.0}
-"""An RC so slow that it stands beside any PI."""
+MILD = {"kp": 0.3, "kd": 1.36, "q_max": 0.1, "phi": 0.001, "epsilon": 1e6, "gamma": 1.0, "reference": [0.0, 0.0]}
+"""An RC so slow that it stands beside any PI; nothing that is replayed."""
 
 
 def plant_of(lags):
@@ -29,9 +29,7 @@ def point(tuned):
 
     def point(lags, pi, linear=None, **options):
         data = {"input_unit": "%", "output_unit": "N·m", "levels": [50.0]}
-        found = tuned(
-            nonlinear=plant_of(lags), data=data, linear=linear, pi_gains=pi, reference="steps", **MILD | options
-        )
+        found = tuned(nonlinear=plant_of(lags), data=data, linear=linear, pi_gains=pi, **MILD | options)
         (one,) = found.margins.points
         assert one.duty_pct == 50.0 and one.torque_nm == pytest.approx(50 * (lags[0][0] + lags[1][0]))
         return one
@@ -162,7 +160,7 @@ def test_margins_behind_a_dead_time_are_where_the_simulation_turns(fit_of, rises
     fit = fit_of(nonlinear=plant_of(LAGS), data=data, steps=rises(dead_s))
     grows = growth(pi, LAGS, pwm_hz, 1.0, dead_s, 16.0) > 1
     try:
-        made = eaid.tune_rc(fit, pi_gains=pi, pwm_hz=pwm_hz, reference="steps", **MILD)
+        made = eaid.tune_rc(fit, pi_gains=pi, pwm_hz=pwm_hz, **MILD)
     except eaid.GainsError as refusal:
         assert "PI loop is unstable on the fitted model around 50 %" in str(refusal) and grows  # noqa: PT017
         assert f"behind a dead time of {dead_s:g} s" in str(refusal)  # noqa: PT017
@@ -227,7 +225,7 @@ def test_behind_a_dead_time_the_map_of_the_state_and_the_response_say_the_same(f
     found = []
     for holds in (19, 20, 21, 22):
         fit = fit_of(nonlinear=plant_of(LAGS), data=data, steps=rises(holds / 250))
-        options = {**MILD, "pi_gains": (30.0, 40.0), "rate_hz": 250.0, "pwm_hz": 0.0, "reference": "steps"}
+        options = {**MILD, "pi_gains": (30.0, 40.0), "rate_hz": 250.0, "pwm_hz": 0.0}
         found.append(eaid.tune_rc(fit, **options).margins.worst["pi"])
     for name in ("gain_db", "phase_deg"):
         first, second, third, fourth = (getattr(one, name) for one in found)

@@ -54,9 +54,9 @@ def test_single_runs_show_it_as_well_and_the_table_has_the_plants_numbers(true):
     numbers = {"tau1": 0.2, "tau2": 1.0, "C": 1.6} if true is PEAKED else {"omega": 5.0, "zeta": 0.25}
     for name, value in numbers.items():
         assert rows.value[name] == pytest.approx(value, rel=0.02), name
-    sessions = eaid.compare(fit, fitted(true, true, true, ci="robust", day="b"))  # by T_s of the levels
-    assert {one.quantity for one in sessions.shifts} >= {"Ts"} and not sessions.changed
     if true is PEAKED:
+        sessions = eaid.compare(fit, fitted(true, true, true, ci="robust", day="b"))  # by T_s of the levels
+        assert {one.quantity for one in sessions.shifts} >= {"Ts"} and not sessions.changed
         (row,) = (one for one in fit.friction_levels if one.level == 60.0)
         assert (row.tau1, row.tau2, row.C) == pytest.approx((0.2, 1.0, 1.6), rel=0.02)
 

@@ -98,7 +98,7 @@ def rippled(shape: Any, seed: int, runs: int = 3) -> StepSet:
     """Gain scatter of 3 %, ripple of 1 % with a memory of 0.05 s, white noise of 0.01."""
     random = np.random.default_rng([seed, 5])
     levels = []
-    for u in DUTY:
+    for u in DUTY[::2]:
         gain = 1 + 0.03 * random.standard_normal((runs, 1))
         ripple = 1 + 0.01 * np.array([coloured(random, len(T_LONG), 0.67) for _ in range(runs)])
         noise = 0.01 * random.standard_normal((runs, len(T_LONG)))
@@ -114,18 +114,18 @@ def missed(made: StepSet) -> int:
 
 @pytest.mark.parametrize("shape", ["stretched", "three-exponentials", "power", "logarithm"])
 def test_another_shape_is_missed_alike(shape: str) -> None:
-    assert missed(rippled(SHAPES[shape], 0)) >= 5
+    assert missed(rippled(SHAPES[shape], 0)) >= 3
 
 
 def test_two_exponentials_are_not_taken_for_another_shape() -> None:
-    assert sum(missed(rippled(SHAPES["two"], seed)) for seed in range(3)) <= 2
+    assert sum(missed(rippled(SHAPES["two"], seed)) for seed in range(3)) <= 1
 
 
 def test_a_ripple_that_all_runs_share_is_missed_alike() -> None:
     def bumpy(u: float) -> np.ndarray:
         return SHAPES["two"](u) * (1 + 0.02 * np.sin(2.5 * T_LONG))
 
-    assert missed(rippled(bumpy, 0)) == len(DUTY)
+    assert missed(rippled(bumpy, 0)) == len(DUTY[::2])
 
 
 @pytest.mark.parametrize(("runs", "keep", "lost"), [(1, 0.99, 10), (3, 0.999, 2)])

@@ -169,7 +169,7 @@ def test_a_closed_loop_is_not_explained(clutch_set: Maker) -> None:
     """A square wave under a level that was taken for one step: converged, and of severity stop."""
     steps = clutch_set(levels=[40], duration_s=20.0, rate_hz=50.0)
     wave = 1.0 + np.sign(np.sin(2 * np.pi * steps.levels[0].time_s / 8.0))
-    found = quick(replace(steps, levels=(replace(steps.levels[0], runs=wave[None]),)))
+    found = quick(replace(steps, levels=(replace(steps.levels[0], runs=wave[None]),)), shape="one")
     stops = {(one.code, one.subject) for one in found.findings if one.severity == "stop"}
     assert found.converged
     assert {("curve-explains-little", "friction"), ("model-explains-little", "nonlinear")} <= stops

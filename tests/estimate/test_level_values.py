@@ -15,10 +15,13 @@ from eaid.report.figures.steps import nonlinear_curves
 from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
 
+from ..conftest import made_once
+
 LEVELS = np.arange(10.0, 101.0, 10.0)
 OFF = {50.0: 0.8, 70.0: 1.1}  # T_s over the curve's, of levels that were recorded on another day
 
 
+@made_once
 def fitted(
     record_s: float, runs: int, levels: np.ndarray = LEVELS, off: dict[float, float] | None = None, **options: Any
 ) -> Fit:
@@ -180,8 +183,14 @@ def test_steps_of_another_kind_are_as_sure_as_their_runs_are_alike(kind: str) ->
         assert fit.dead_time_s == 0 and ends.tau1[0] < 0.25 < ends.tau1[1]
 
 
-@pytest.mark.parametrize("levels", [(30.0, 90.0), (30.0, 50.0, 70.0, 90.0)])
-@pytest.mark.parametrize(("zeta", "rows"), [(1.4, 8000), (0.44, 1600)])
+TWO, FOUR = (30.0, 90.0), (30.0, 50.0, 70.0, 90.0)
+
+
+@pytest.mark.parametrize(
+    ("levels", "zeta", "rows"),
+    [(TWO, 1.4, 8000), (FOUR, 0.44, 1600),
+     *(pytest.param(*more, marks=pytest.mark.slow) for more in ((FOUR, 1.4, 8000), (TWO, 0.44, 1600)))],
+)  # fmt: skip
 def test_another_kind_goes_through_the_steady_output_of_every_level(
     levels: tuple[float, ...], zeta: float, rows: int
 ) -> None:

@@ -259,6 +259,9 @@ def test_what_is_wrong_in_a_recorded_log_is_told_by_its_fit(spoil, code) -> None
         a, b = a + (0.85 * level - a) * (1 - np.exp(-0.02 / 0.3)), b + (0.15 * level - b) * (1 - np.exp(-0.02 / 8))
     time, *columns = spoil(t, u, y)
     frame = pd.DataFrame(dict(zip((time, "duty_pct", "torque_nm"), columns, strict=True)))
-    found = {one.code: one.severity for one in eaid.fit(eaid.read(frame), model=("nonlinear",), ci="none").findings}
+    found = {
+        one.code: one.severity
+        for one in eaid.fit(eaid.read(frame), model=("nonlinear",), ci="none", shape="one").findings
+    }
     wrong = {"torque-too-large", "spikes", "sensor-stuck", "gap", "duty-may-be-fraction"}
     assert {one for one in found if one in wrong} == ({code} if code else set())

@@ -120,13 +120,13 @@ def test_what_a_fit_of_a_recorded_log_knows_and_refuses() -> None:
         fit.predict(1000, [1.0])
     assert len(fit.plot().lines) == 5
     stairs = Excitation(kind="staircase", duration_s=60.0, rate_hz=20.0, duty=(20.0, 80.0), hold_s=(2.0, 3.0))
-    known = eaid.fit(frame(synthesise_excitation(clutch(), stairs, NOISE, 1)[0]), ci="none", bounds_levels="40:80")
+    known = eaid.fit(frame(synthesise_excitation(clutch(), stairs, NOISE, 1)[0]), ci="none", bounds_levels="40:80", shape="one")
     assert min(known.linear.bounds.levels) >= 40
 
 
 def test_two_holds_are_a_step_whatever_their_size_and_give_a_plant() -> None:
     t = np.arange(1000) / 100
-    for before, after in ((5.0, 5.4), (5.0, 9.0), (30.0, 70.0)):
+    for before, after in ((5.0, 5.4), (30.0, 70.0)):
         y = 0.2 * before + 0.2 * (after - before) * (t >= 4) * (1 - np.exp(-np.maximum(t - 4, 0) / 0.3))
         y += 0.001 * np.random.default_rng(0).standard_normal(1000)
         fit = eaid.fit(pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 4, before, after), "torque_nm": y}))

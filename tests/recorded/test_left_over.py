@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 import eaid
 
 T = np.arange(0.0, 40.0, 0.02)
+PLAIN = {"ci": "none", "model": ("nonlinear",), "shape": "one"}
 
 
 def lagged(u: np.ndarray, gain: float = 5.0, tau: float = 0.3) -> np.ndarray:
@@ -39,7 +40,7 @@ def test_what_is_left_is_told_where_it_follows_the_input(rig, memory: float, tol
     u = np.repeat(random.choice((-3.0, -1.5, 0.0, 1.5, 3.0), len(T) // 75 + 1), 75)[: len(T)]
     noise = lfilter([1.0], [1.0, -memory], 0.1 * random.normal(size=len(T)))
     log = pd.DataFrame({"time_s": T, "input_V": u, "speed_rpm": lagged(rig(u)) + noise})
-    fit = eaid.fit(eaid.read(log, columns={"input": "input_V", "output": "speed_rpm"}), ci="none")
+    fit = eaid.fit(eaid.read(log, columns={"input": "input_V", "output": "speed_rpm"}), **PLAIN)
     values = [one.values["by"] for one in fit.findings if one.code == "residuals-follow-input"]
     assert values == ([] if told is None else [told])
 
@@ -48,7 +49,9 @@ def test_a_dead_zone_is_no_reason_to_refuse_a_plant() -> None:
     random = np.random.default_rng(1)
     u = np.repeat(random.choice((0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), len(T) // 75 + 1), 75)[: len(T)]
     y = lagged(np.maximum(u - 1.0, 0.0), 100.0, 0.25) + 3 * random.normal(size=len(T))
-    fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": T, "pwm_V": u, "speed_rpm": y}), columns={"output": "speed_rpm"}))
+    fit = eaid.fit(
+        eaid.read(pd.DataFrame({"time_s": T, "pwm_V": u, "speed_rpm": y}), columns={"output": "speed_rpm"}), **PLAIN
+    )
     assert fit.verdict.usable and fit.plant.steady(5.0) == pytest.approx(400.0, rel=0.03)
     assert 0 <= fit.plant.steady(1.0) < 10
 
@@ -63,7 +66,7 @@ def test_rows_that_drop_out_and_a_sensor_slower_than_the_log_are_told(code: str,
     random, u = np.random.default_rng(2), random_steps(2, (1.0, 2.0, 3.0))
     y = 5 + lagged(u, 2.0, 0.4) + 0.03 * random.normal(size=len(T))
     made = {"spikes": np.where(random.random(len(T)) < 0.01, 0.0, y), "output-renewed": np.repeat(y[::8], 8)[: len(T)]}
-    fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": T, "u_V": u, "force_N": made[code]})), ci="none")
+    fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": T, "u_V": u, "force_N": made[code]})), **PLAIN)
     assert [one.severity for one in fit.findings if one.code == code] == [severity]
     assert fit.verdict.usable == (severity != "stop")
 
@@ -72,7 +75,7 @@ def test_a_force_that_drives_a_displacement_makes_no_friction_rig() -> None:
     u = random_steps(3, (-1.0, 0.0, 1.0))
     y = lagged(u, 2.0, 0.2) + 0.02 * np.random.default_rng(3).normal(size=len(T))
     log = pd.DataFrame({"t": T, "force_N": u, "x_mm": y})
-    fit = eaid.fit(eaid.read(log, columns={"input": "force_N", "output": "x_mm"}), ci="none")
+    fit = eaid.fit(eaid.read(log, columns={"input": "force_N", "output": "x_mm"}), **PLAIN)
     assert fit.data.kind == "clutch" and fit.plant.steady(1.0) == pytest.approx(2.0, rel=0.02)
 
 
@@ -83,6 +86,6 @@ def test_a_second_input_that_was_logged_is_named(acts: bool) -> None:
     one, two = (np.pad(u, (50, T.size))[: T.size] for u in (one, two))
     force = lagged(one, 2.0, 0.4) + acts * lagged(two, 1.0, 0.8) + 0.03 * random.normal(size=T.size)
     log = pd.DataFrame({"time_s": T, "u1_V": one, "u2_V": two, "force_N": force})
-    fit = eaid.fit(eaid.read(log, columns={"input": "u1_V"}, logs_as="recorded"), model=("nonlinear",))
+    fit = eaid.fit(eaid.read(log, columns={"input": "u1_V"}, logs_as="recorded"), **PLAIN)
     told = [one.values["column"] for one in fit.findings if one.code == "residuals-follow-column"]
     assert told == (["u2_V"] if acts else [])

@@ -91,7 +91,11 @@ def test_an_input_below_rest_has_the_gain_that_its_log_shows(sign):
     y = sign * respond(signed, t, u, t) + 0.3 * random.standard_normal(len(t))
     columns = {"input": "volts", "output": "speed"}
     logs = pd.DataFrame({"time_s": t, "volts": u, "speed": y})
-    fit = eaid.fit(eaid.read(logs, columns=columns, units={"input": "V", "output": "N"}, logs_as="recorded"), ci="none")
+    fit = eaid.fit(
+        eaid.read(logs, columns=columns, units={"input": "V", "output": "N"}, logs_as="recorded"),
+        ci="none",
+        shape="one",
+    )
     assert fit.plant.steady(-5.0 if sign > 0 else 5.0) == pytest.approx(-100.0 * sign, rel=0.01)
     assert fit.logs[0].fit_pct > 98
 
@@ -102,7 +106,7 @@ def test_an_output_that_has_settled_on_a_coarse_sensor_is_no_stuck_one(step):
     u = np.repeat(np.append([0.0, 0.0], random.choice([0.0, 40.0, 80.0, 100.0], 14)), 250)
     ringing = Plant((0.25,), (0.25,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=0.3)
     y = np.round((3.0 + respond(ringing, t, u, t) + 0.001 * random.standard_normal(len(t))) / step) * step
-    fit = eaid.fit(t, u, y)
+    fit = eaid.fit(t, u, y, shape="one")
     assert fit.verdict.usable and fit.plant.kind == "ringing"
 
 

@@ -59,7 +59,7 @@ def test_without_noise_the_truth_comes_back(name: str, late: str) -> None:
     u[:75] = 0.0
     log = pd.DataFrame({"time_s": t, "input_V": u, "speed_rpm": 25.0 + respond(truth, t, u, t)})
     baseline = {"baseline": given.pop("baseline")} if "baseline" in given else {}
-    fit = eaid.fit(eaid.read(log, logs_as="recorded", columns=COLUMNS, **baseline), ci="none", **given)
+    fit = eaid.fit(eaid.read(log, logs_as="recorded", columns=COLUMNS, **baseline), ci="none", shape="one", **given)
     found, top = fit.plant, np.array([case.levels[0], 40.0, 100.0])
     assert found.kind == truth.kind
     np.testing.assert_allclose(found.steady(top), truth.steady(top), rtol=1e-6)

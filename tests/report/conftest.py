@@ -199,13 +199,20 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def others(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Path]]:
-    """Name → files: logs as recorded, steps from level to level, a marked fit of long names."""
+    """Name → files: logs as recorded, steps from level to level."""
     folder = tmp_path_factory.mktemp("others")
     made = {"recorded": [recorded], "staircase": [folder / "staircase.json", folder / "staircase.h5"]}
     shape = ["--shape", "duration_s=120", "--rate-hz", "50", "--seed", "1"]
     assert call("synth", "--excitation", "staircase", *shape, "-o", folder / "staircase", "-q") == 0
     assert call("fit", folder / "staircase", "--logs-as", "steps", "-o", made["staircase"][0], "-q") in (0, 4)
     assert call("ingest", folder / "staircase", "-o", made["staircase"][1], "-q") == 0
+    return made
+
+
+@pytest.fixture(scope="session")
+def long(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """A marked fit of long names, its data, gains and replay."""
+    folder = tmp_path_factory.mktemp("long")
     logs = folder / "long"
     levels = ["--levels", "20,60,100", "--repeats", "1", "--hold", "3", "--rate-hz", "50", "--seed", "8"]
     assert call("synth", *levels, "-o", logs, "-q") == 0
@@ -213,8 +220,8 @@ def others(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
         words = path.read_text(encoding="utf-8").replace("duty_pct", "voltage_V")
         path.with_name(f"20241103_14_51_30_bts_dx=1.5_Fpre=-1g_f=1000_brass_{path.name}").write_text(words)
         path.unlink()
-    made["long"] = [folder / name for name in ("long.json", "long.h5", "long-gains.json", "long-steps.h5")]
-    fit, data, gains, replay = made["long"]
+    made = [folder / name for name in ("long.json", "long.h5", "long-gains.json", "long-steps.h5")]
+    fit, data, gains, replay = made
     assert call("ingest", logs, "-o", data, "-q") == 0 and call("fit", data, "-o", fit, "-q") in (0, 4)
     assert call("tune-rc", fit, "--anyway", "-o", gains, "-q") == 0
     assert call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0

@@ -132,8 +132,8 @@ def wrong_for_assistive_technology(browser: Any, page: Path, scheme: str, width:
 
 
 @pytest.fixture(scope="module")
-def other_pages(others: dict[str, list[Path]], report: Any) -> dict[str, Path]:
-    return {name: report(*given).path for name, given in others.items()}
+def other_pages(others: dict[str, list[Path]], long: list[Path], report: Any) -> dict[str, Path]:
+    return {name: report(*given).path for name, given in {**others, "long": long}.items()}
 
 
 TABLES = "[...document.querySelectorAll('table')].filter(one => one.checkVisibility()).length"

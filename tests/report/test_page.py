@@ -128,8 +128,8 @@ def test_a_warning_is_counted_once_and_where_it_is_shown(whole: Any):
     assert "of 10 runs" in whole.lights[0][1] or whole.lights[0][1].startswith("10 runs")  # a release is no run more
 
 
-def test_figures_of_another_rig_are_counted_from_one(others: dict[str, list[Path]], report: Callable[..., Any]):
-    page = report(*others["long"])
+def test_figures_of_another_rig_are_counted_from_one(long: list[Path], report: Callable[..., Any]):
+    page = report(*long)
     titles = [caption.split(" · ")[0] for caption in page.captions.values()]
     assert titles == [f"Figure {k}" for k in range(1, len(titles) + 1)] and len(titles) > 3
     assert not any("Fig. " in caption for caption in page.captions.values())

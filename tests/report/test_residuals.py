@@ -50,7 +50,7 @@ def test_kinds_hold_out_and_another_log_are_on_the_page(tmp_path: Path, report: 
     fit, seen, other = tmp_path / "fit.json", tmp_path / "seen.h5", tmp_path / "other.h5"
     own, another, wrong = (log(tmp_path / f"{name}.csv", seed, wn) for name, seed, wn in
                            (("own", 1, 6.0), ("another", 2, 6.0), ("wrong", 3, 4.5)))  # fmt: skip
-    assert call("fit", own, "-o", fit, "-q") == 0
+    assert call("fit", own, "--shape", "one", "-o", fit, "-q") == 0
     for logs, path in (([own], seen), ([another, wrong], other)):
         assert call("simulate", fit, *(word for one in logs for word in ("--log", one)), "-o", path, "-q") == 0
     page = report(fit, other)

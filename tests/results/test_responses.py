@@ -10,7 +10,7 @@ import pytest
 
 import eaid
 
-SLIPS, RATE = 0.3, 500.0
+SLIPS, RATE = 0.3, 200.0
 
 
 def run(u: float, seed: int, slip: float = SLIPS) -> pd.DataFrame:

@@ -55,12 +55,12 @@ def rig(fits):
 
 @pytest.fixture(scope="session")
 def slipping():
-    """A clutch that slips back, 1.2 at its peak, 0.9 held: four sessions, and the gain of each."""
+    """A clutch that slips back, 1.2 at its peak, 0.9 held: three sessions, and the gain of each."""
     t, rng, fits, gains = np.arange(0.0, 14.0, 0.02), np.random.default_rng(3), {}, []
-    for s in range(4):
+    for s in range(3):
         gain, logs = np.exp(0.4 * rng.standard_normal()), {}
         for u in (20.0, 60.0, 100.0):
-            for k in range(3):
+            for k in range(2):
                 own, since = gain * np.exp(0.03 * rng.standard_normal()), np.maximum(t - 2, 0)
                 y = 0.05 * u * own * (1.5 * (1 - np.exp(-since / 0.2)) - 0.6 * (1 - np.exp(-since / 2.0)))
                 y += 0.002 * rng.standard_normal(len(t))

@@ -172,7 +172,7 @@ def test_an_overshoot_behind_a_dead_time_that_comes_down_slowly_keeps_it() -> No
     assert (plant.tau1[0], plant.tau2[0], plant.C) == pytest.approx((0.5, 6.0, 1.3), rel=0.03)
 
 
-@pytest.mark.parametrize("rows", [3, 5])
+@pytest.mark.parametrize("rows", [3, pytest.param(5, marks=pytest.mark.slow)])
 def test_steps_that_ring_tell_an_input_noted_late_too(rows: int) -> None:
     """Five rows of 10 ms once stopped the fit, and three bent the response by 3 % in silence."""
     time, logs, w, zeta = np.arange(0, 6, 0.01), {}, 6.0, 0.3
