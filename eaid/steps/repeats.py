@@ -26,7 +26,7 @@ KNOWN_WELL = 100  # Pairs whose number tells how it falls from row to row
 CHANCE = 1e-4  # A block that chance makes no more often is a copy
 FEWEST_ROWS = 5  # Of a block: whether fewer are noise or a curve cannot be told
 MIXES = np.uint64(0x9E3779B97F4A7C15)  # An odd number without pattern (2⁶⁴ over the golden ratio)
-ROUGH = 1 / 4  # Share of its rows at which a block turns, at least: noise turns at half of them and more, a curve at few
+ROUGH = 0.25  # Share of its rows at which a block turns, at least: noise turns at half of them and more, curves at few
 NEIGHBOURS_COMPARED = 60  # Runs of a level that each is compared with: those next to it by their means
 # Samples before and behind a step that are compared: long logs take no more time and memory than that
 BEFORE, BEHIND = 2_000, 20_000
