@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
 from eaid.arrays import Array
@@ -123,7 +124,7 @@ class Model:
         return len(np.unique(self.known.session))
 
     @cached_property
-    def free(self) -> Array:
+    def free(self) -> NDArray[np.intp]:
         """Which components the sessions can show: gain; with several levels in a session tilt and level too."""
         several = len(np.unique(self.known.session + 1j * self.known.level)) > self.count
         return np.arange(3 if several else 1)

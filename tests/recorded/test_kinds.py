@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import eaid
 from eaid.plant.dynamics import Plant
@@ -111,6 +113,26 @@ def test_an_output_that_integrates_its_input_is_refused_by_name() -> None:
     ).normal(size=len(log))
     with pytest.raises(eaid.DataError, match="its output integrates its input"):
         fitted(log)
+
+
+def test_the_position_of_a_drive_in_its_loop_is_refused_as_an_integrator() -> None:
+    """As EMPS: a carriage on a screw, 95 kg with viscous and dry friction, follows a path to and fro; by SciPy."""
+    t = np.arange(0, 16.0, 0.01)
+    knots = np.arange(0.0, 18.0)
+    held = np.where(knots % 4 < 2, 0.0, 0.2) * np.random.default_rng(1).uniform(0.6, 1.2, len(knots))
+    path = CubicSpline(knots, held, bc_type="clamped")
+
+    def volts(at: Any, q: Any, v: Any) -> Any:
+        return np.clip(320 * (path(at) - q) - 12 * (v - path(at, 1)), -10, 10)
+
+    def moved(at: float, state: Any) -> list[float]:
+        q, v = state
+        return [v, (35.15 * volts(at, q, v) - 203.5 * v - 20.4 * np.tanh(v / 1e-3) + 3.16) / 95.1]
+
+    q, v = solve_ivp(moved, (0, t[-1]), [0, 0], t_eval=t, max_step=0.005).y
+    position = q + 1e-5 * np.random.default_rng(0).normal(size=len(t))
+    with pytest.raises(eaid.DataError, match="its output integrates its input .* close a loop and fit that"):
+        fitted(pd.DataFrame({"time_s": t, "input_V": volts(t, q, v), "speed_rpm": 1e3 * position}))
 
 
 def test_a_clutch_keeps_its_form_and_what_falls_have_is_replayed(tmp_path: Path) -> None:
