@@ -26,7 +26,7 @@ from hypothesis import HealthCheck, settings  # noqa: E402
 
 import eaid  # noqa: E402
 from eaid.apparatus import Apparatus  # noqa: E402
-from eaid.cli import console, main  # noqa: E402
+from eaid.cli import main  # noqa: E402
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step  # noqa: E402
 from eaid.plant.respond import from_rest  # noqa: E402
 from eaid.plant.steps import step_response  # noqa: E402
@@ -136,12 +136,6 @@ def small_files(
     small_fit.save(folder / "fit.json")
     small_gains.save(folder / "gains.json")
     return folder / "fit.json", folder / "gains.json"
-
-
-@pytest.fixture(autouse=True)
-def _messages_are_told() -> None:
-    """One test's `-q` does not hush the next, which runs in the same process."""
-    console.be_quiet(False)
 
 
 def _clutch_set(

@@ -15,6 +15,7 @@ import threading
 import time
 import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextvars import ContextVar
 from typing import TYPE_CHECKING, TextIO
 
 from eaid.errors import on_command_line
@@ -61,13 +62,22 @@ MOST_FINDINGS = 3  # Findings that are told by default; `--verbose` tells all
 COLOUR = {"error": "1;31", "stop": "1;31", "warning": "33", "note": "36"}
 EVERY_S = 3.0  # Where there is no terminal, a line of progress comes this often [s]
 
-_quiet = False
+QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 
 
 def be_quiet(quiet: bool) -> None:
     """Hold back messages, progress and tables (`-q`); errors and `--json` are still told."""
-    global _quiet
-    _quiet = quiet
+    QUIET.set(quiet)
+
+
+@contextlib.contextmanager
+def hushed(quiet: bool) -> Iterator[None]:
+    """The same within a block; what is said of it there ends with it."""
+    before = QUIET.set(quiet)
+    try:
+        yield
+    finally:
+        QUIET.reset(before)
 
 
 def safe(text: str) -> str:
@@ -93,13 +103,13 @@ def _width_of(stream: TextIO) -> int | None:
 
 def say(message: str) -> None:
     """Tell the user something, on stderr."""
-    if not _quiet:
+    if not QUIET.get():
         print(wrapped(message, sys.stderr), file=sys.stderr)
 
 
 def warn(message: str) -> None:
     """Tell the user the warnings, on stderr."""
-    if not _quiet:
+    if not QUIET.get():
         _mark("warning", message)
 
 
@@ -113,7 +123,7 @@ def tell(findings: "Iterable[Finding]", verbose: bool = False) -> None:
 
     Three of them unless `verbose`, and all that say how data were changed: nothing is mended in silence.
     """
-    if _quiet:
+    if QUIET.get():
         return
     from eaid.findings import merged, ranked
     from eaid.findings import say as sentence
@@ -143,7 +153,7 @@ def progress(label: str, total: int) -> Iterator[Callable[[], None]]:
     A total of 0: nobody knows how many pieces there are, or how long a single one takes.
     """
     total = 0 if total == 1 else total
-    if _quiet:
+    if QUIET.get():
         yield lambda: None
     elif not sys.stderr.isatty():
         with _lines(label, total) as advance:
@@ -185,7 +195,7 @@ def _lines(label: str, total: int) -> Iterator[Callable[[], None]]:
 
 def show(*parts: "Table | str") -> None:
     """Print lines and tables on stdout, captions behind their headings; nothing of a table without rows."""
-    for part in () if _quiet else parts:
+    for part in () if QUIET.get() else parts:
         if isinstance(part, str):
             print(wrapped(part, sys.stdout))
         elif part.rows:

@@ -29,7 +29,6 @@ def command(args: Common, output: Path = written("demo", "Folder that the demo f
         for line in LINES:
             run_line(tuple(data[word[1:-1]] if word[:1] == "{" else word for word in line), output)
             done()
-    console.be_quiet(args.quiet)
     page = output / "report.html"
     if args.json:
         files = sorted(str(path.relative_to(output)) for path in output.rglob("*") if path.is_file())

@@ -1,7 +1,6 @@
 """`eaid`: the table of commands, and what a failure looks like."""
 
 import contextlib
-import importlib
 import io
 import os
 import re
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 from eaid.cli import console
 from eaid.cli.signals import breaking_off
 from eaid.errors import EaidError, UsageError, on_command_line, unknown
+from eaid.late import late
 from eaid.version import __version__
 
 if TYPE_CHECKING:
@@ -96,9 +96,8 @@ def load_command(name: str) -> "TyperCommand":
     import typer
 
     alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")  # rich's own markup would eat [units]
-    alone.command(name, context_settings={"help_option_names": ["-h", "--help"]})(
-        importlib.import_module(f"eaid.cli.{name.replace('-', '_')}").command
-    )
+    body = late(f"eaid.cli.{name.replace('-', '_')}", "command")
+    alone.command(name, context_settings={"help_option_names": ["-h", "--help"]})(body)
     return cast("TyperCommand", typer.main.get_command(alone))
 
 
@@ -111,7 +110,7 @@ def complete(arguments: list[str]) -> None:
 
     whole = typer.Typer(name="eaid", rich_markup_mode="markdown")
     for module in COMMANDS:
-        whole.command(module.replace("_", "-"))(importlib.import_module(f"eaid.cli.{module}").command)
+        whole.command(module.replace("_", "-"))(late(f"eaid.cli.{module}", "command"))
     typer.main.get_command(whole)(args=arguments, prog_name="eaid", standalone_mode=False)
 
 
@@ -123,7 +122,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code; every expected failure is one plain sentence."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with breaking_off() as interrupted, patient_streams():
+        with console.hushed(False), breaking_off() as interrupted, patient_streams():
             code, sentences = _outcome(given or ["--help"])
             # typer, or a library, may make another failure of a KeyboardInterrupt
             if code not in (0, UNUSABLE) and interrupted:

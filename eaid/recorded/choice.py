@@ -32,7 +32,17 @@ from eaid.recorded.kinds import (
     search_of,
     with_scores,
 )
-from eaid.recorded.late import LEAST_CHANGES, LOWER, ON_TIME, Delay, common_delay, delays, follows_output, timed
+from eaid.recorded.late import (
+    LEAST_CHANGES,
+    LOWER,
+    ON_TIME,
+    Delay,
+    common_delay,
+    delays,
+    follows_output,
+    moved_cost,
+    timed,
+)
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
 from eaid.results.models import FittedData, Friction, FrictionLevel, LevelIntervals
@@ -202,9 +212,30 @@ def _kinds_behind(
     search = search_of(at_rest(acting, inputs), *inputs.ends, options.held_dead_time_s)
     rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     found = _late_by(rows[0].solved, search.logs, late, options)
+    without_lead = _instead_of_a_lead(search, rows, late, options)
+    found = without_lead or found
     if [one.rows for one in found] == [one.rows for one in late]:
         return search, rows, found
-    return _kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
+    moved = _kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
+    return (search, rows, late) if without_lead and moved[1][0].cost > _by_noise(rows[0]) else moved
+
+
+def _by_noise(best: Tried) -> float:
+    """What one unknown less may leave for nothing but noise."""
+    return best.cost + PRICE * best.cost / independent_of(best.solved)
+
+
+def _instead_of_a_lead(
+    search: Search, rows: Sequence[Tried], late: tuple[Delay, ...], options: FitOptions
+) -> tuple[Delay, ...]:
+    """By how much inputs were noted late where the best kind has a zero, as that makes one, and the same lags without
+    it explain as much behind their delay; empty where they do not."""
+    plain = next((one for one in rows if one.kind.law == "swing" and not (one.kind.zero or one.kind.late)), None)
+    if not rows[0].kind.zero or rows[0].kind.late or plain is None:
+        return ()
+    found = _late_by(plain.solved, search.logs, late, options)
+    more = [new.rows - old.rows for new, old in zip(found, late, strict=True)]
+    return found if any(more) and moved_cost(plain.solved, search.logs, more) <= _by_noise(rows[0]) else ()
 
 
 def _late_by(

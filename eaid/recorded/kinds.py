@@ -365,8 +365,10 @@ def resolved(one: Tried, search: Search) -> bool:
 
 
 def integrates(search: Search, best: Tried) -> bool:
-    """Whether the output's rate follows the input: its slowest lag outlasts the logs, and none at all explains them."""
-    plant = best.solved.setup.model.parameters(best.solved.coefficients)
+    """Whether the output's rate follows the input: its slowest lag outlasts the logs, and none at all explains them,
+    with one gain as well as that lag does with one."""
+    model, x = best.solved.setup.model, best.solved.coefficients
+    plant = model.parameters(x)
     if plant.slowest_s(search.high) < search.longest_s:
         return False
     endless = ENDLESS_TAU * search.longest_s
@@ -377,7 +379,11 @@ def integrates(search: Search, best: Tried) -> bool:
         search.cost(theta, math.sqrt(tau * endless), (tau + endless) / (2 * math.sqrt(tau * endless)))
         for tau in fast.tolist()
     ]
-    return min(costs) <= INTEGRATES * best.cost
+    own = 0.0
+    if best.kind in LAG_KINDS:
+        zeta = math.inf if model.kind == "lag" else float(x[model.slices[2]][0])
+        own = search.cost(theta, float(x[model.slices[1]][0]), zeta)
+    return min(costs) <= INTEGRATES * max(best.cost, own)
 
 
 def few_rows(log: Copies) -> Drive:

@@ -156,6 +156,12 @@ def _moved(log: RecordedLog, rows: int) -> RecordedLog:
     return replace(shifted(log, rows), idle_start=log.starts_idle)
 
 
+def moved_cost(base: Solved, logs: Sequence[RecordedLog], rows: Sequence[int]) -> float:
+    """Squares that logs leave, each by itself, with their inputs so many rows later."""
+    each = zip(base.setup.places, logs, rows, strict=True)
+    return sum(aligned_log(base.fitted, base.x[at.columns], _moved(log, later)).cost for at, log, later in each)
+
+
 def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
     """Correlation of what is new in an input that moves with what is new in the residual; 0 where it is a free input.
 

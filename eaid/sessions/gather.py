@@ -96,6 +96,11 @@ def snapped(values: Sequence[Value]) -> list[Value]:
     return [one if same[one.level] == one.level else replace(one, level=same[one.level]) for one in values]
 
 
+def foreseen(fit: Fit) -> bool:
+    """Whether a fit is one of today: foreseen by reference steps."""
+    return fit.uncertainty is not None and fit.uncertainty.ci == CI
+
+
 def logs_of(fit: Fit) -> tuple[Input, ...]:
     """The logs behind a fit, each once."""
     return tuple(Input(*one) for one in dict.fromkeys((one.path, one.sha256) for one in fit.data.sources))

@@ -12,7 +12,7 @@ and (S − 1)²/2.2 for each level of its reference steps where that is more; so
 (`benchmarks/sessions.py`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
 from eaid.arrays import Array
-from eaid.estimate.mixed import Further, MixedLine, MixedValues, restricted
+from eaid.estimate.mixed import MixedLine, MixedValues, restricted
 from eaid.sessions.gather import MANY
 
 EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
@@ -30,15 +30,19 @@ TOLD = 1.92  # In log L: more than chance gives one parameter in 19 of 20 cases
 NEW = -1  # The session that is still to come
 
 
+def two_sided(t: float, dof: float) -> float:
+    """Probability of a t at least so far from 0."""
+    return float(2 * stdtr(dof, -abs(t)))
+
+
 def between(knots: Array, level: Array) -> Array:
     """How a value at a level follows from those at rising knots, straight in ln level, (levels, knots)."""
     if len(knots) == 1:
         return np.ones((len(level), 1))
-    x, at = np.log(level), np.log(knots)
+    x, at = np.log(level)[:, None], np.log(knots)
     k = np.clip(np.searchsorted(at, x, side="right") - 1, 0, len(at) - 2)
-    share, rows = (x - at[k]) / (at[k + 1] - at[k]), np.zeros((len(x), len(at)))
-    rows[np.arange(len(x)), k], rows[np.arange(len(x)), k + 1] = 1 - share, share
-    return rows
+    share, column = (x - at[k]) / (at[k + 1] - at[k]), np.arange(len(at))
+    return np.where(column == k, 1 - share, np.where(column == k + 1, share, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +54,23 @@ class Known:
     y: Array
     W: Array
 
+    def of(self, rows: Array) -> "Known":
+        """Some of them."""
+        return Known(self.session[rows], self.level[rows], self.y[rows], self.W[rows])
 
-def steps_known(steps: Sequence[tuple[float, float, float]]) -> Known:
+
+def known(rows: Iterable[tuple[float, float, float, float]]) -> Known:
+    """Rows of session, level, value and the standard deviation of its logarithm."""
+    session, level, value, sd_log = np.array(list(rows), dtype=np.float64).reshape(-1, 4).T
+    return Known(session, level, np.log(value), np.maximum(sd_log, EXACT) ** 2)
+
+
+def steps_known(steps: Iterable[tuple[float, float, float]]) -> Known:
     """What the session to come has shown of itself: level, value, standard deviation of its logarithm."""
-    level, value, sd_log = np.array(steps, dtype=np.float64).reshape(-1, 3).T
-    return Known(np.full(len(level), NEW), level, np.log(value), np.maximum(sd_log, EXACT) ** 2)
+    return known((NEW, *step) for step in steps)
 
 
-NO_STEPS = steps_known([])
+NO_STEPS = steps_known(())
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,14 +83,14 @@ class Next:
     dof: Array
 
     @property
-    def reach(self) -> Array:
-        """Half-width of the 95 % intervals of ln θ, (q,)."""
-        return np.minimum(stdtrit(self.dof, 0.975) * np.sqrt(np.diag(self.covariance)), FARTHEST)
-
-    @property
     def value(self) -> Array:
         """θ, (q,)."""
         return np.asarray(np.exp(self.mean))
+
+    @property
+    def reach(self) -> Array:
+        """Half-width of the 95 % intervals of ln θ, (q,)."""
+        return np.minimum(stdtrit(self.dof, 0.975) * np.sqrt(np.diag(self.covariance)), FARTHEST)
 
     @property
     def ends(self) -> Array:
@@ -114,94 +127,65 @@ class Model:
     def free(self) -> NDArray[np.intp]:
         """Which components the sessions can show: gain; with several levels in a session tilt and level too."""
         several = len(np.unique(self.known.session + 1j * self.known.level)) > self.count
-        return np.flatnonzero([True, several, several])
-
-    def x(self, level: Array) -> Array:
-        """ln(level/reference)."""
-        return np.asarray(np.log(level / self.reference))
+        return np.arange(3 if several else 1)
 
     def rows(self, level: Array) -> Array:
         """X of some levels, (n, p)."""
         if self.terms:
-            return np.asarray(self.x(level)[:, None] ** np.arange(self.terms))
+            return np.asarray(np.log(level / self.reference)[:, None] ** np.arange(self.terms))
         return between(self.knots, level)
 
-    def common(self, one: Known, other: Known) -> list[Array]:
-        """What two sets of values have in common, by component, (n, m) each."""
-        same = (one.session[:, None] == other.session).astype(float)
-        tilt, level = np.outer(self.x(one.level), self.x(other.level)), one.level[:, None] == other.level
-        return [same * (1.0, tilt, level)[k] for k in self.free]
-
-    @cached_property
-    def values(self) -> MixedValues:
-        """Its values as the line through them takes them."""
-        known = self.known
-        return MixedValues(known.y, self.rows(known.level), np.diag(known.W), tuple(self.common(known, known)))
+    def common(self, one: Known, other: Known) -> Array:
+        """What two sets of values have in common, by component, (k, n, m)."""
+        x, z = np.log(one.level / self.reference)[:, None], np.log(other.level / self.reference)
+        parts = np.stack([np.ones((len(x), len(z))), x * z, one.level[:, None] == other.level])
+        return np.asarray((one.session[:, None] == other.session) * parts[self.free])
 
     @cached_property
     def line(self) -> MixedLine:
         """The line through all sessions."""
-        return self.values.at(self.variances[self.free])
+        of = self.known
+        values = MixedValues(of.y, self.rows(of.level), np.diag(of.W), tuple(self.common(of, of)))
+        return values.at(self.variances[self.free])
 
-    @property
-    def likeliest(self) -> MixedLine:
+    def likeliest(self) -> "Model":
         """The same with the variances that its values make likeliest, looked for from its own."""
-        near = self.variances[self.free]
-        return restricted(self.values, np.maximum(near, 1e-3) if near.any() else None)
-
-    def having(self, v: Array) -> "Model":
-        """The model with these variances of what its sessions can show."""
-        variances = np.zeros_like(self.variances)
-        variances[self.free] = v
+        near, variances = self.variances[self.free], np.zeros(3)
+        found = restricted(self.line.values, np.maximum(near, 1e-3) if near.any() else None)
+        variances[self.free] = found.v
         return replace(self, variances=variances)
 
     def placed(self) -> "Model":
         """The model with the likeliest of its levels as reference, from its own neighbour by neighbour, where that is
         no chance: where sessions that lie high rise more steeply too, gain and tilt are apart only where they meet."""
-        best, least, levels = self, self.line.cost, self.knots.tolist()
+        best, levels = self, self.knots.tolist()
         at = levels.index(self.reference)
         for way in (levels[at + 1 :], levels[:at][::-1]):
             for level in way:
-                one = replace(best, reference=level)
-                line = one.likeliest
-                if line.cost >= least:
+                one = replace(best, reference=level).likeliest()
+                if one.line.cost >= best.line.cost:
                     break
-                best, least = one.having(line.v), line.cost
-        return best if self.line.cost - least > TOLD else self
-
-    def further(self, level: Array) -> Further:
-        """The next session at some levels, nothing known of it."""
-        new = Known(np.full(len(level), NEW), level, np.zeros(len(level)), np.zeros(len(level)))
-        of_line, own = np.stack(self.common(self.known, new)), np.stack(self.common(new, new))
-        return self.line.further(self.rows(level), of_line, own)
+                best = one
+        return best if self.line.cost - best.line.cost > TOLD else self
 
     def next(self, level: Array, steps: Known = NO_STEPS) -> Next:
-        """The next session at some levels, given its reference steps."""
-        return self.given(level, steps, self.further(np.concatenate([level, steps.level])))
-
-    def given(self, level: Array, steps: Known, both: Further) -> Next:
-        """The same from `both`, the session at the levels and at those of the steps, nothing known: c being the share
-        of what the steps show beyond their own means that goes on, its variance is that of (1, −c) and of the steps."""
-        n, V = len(level), both.covariance
-        c = np.linalg.solve(V[n:, n:] + np.diag(steps.W), V[n:, :n]).T if len(steps.y) else np.zeros((n, 0))
+        """The next session at some levels, given its reference steps: c being the share of what the steps show beyond
+        their own means that goes on, its variance is that of (1, −c) times the session there and the steps."""
+        n, own = len(level), np.append(0 * level, steps.W)
+        new = Known(np.full(len(own), NEW), np.append(level, steps.level), 0 * own, own)
+        both = self.line.further(self.rows(new.level), self.common(self.known, new), self.common(new, new))
+        V = both.covariance + np.diag(own)
+        c = np.linalg.solve(V[n:, n:], V[n:, :n]).T
         turn = np.hstack([np.eye(n), -c])
-        mean = both.mean[:n] + c @ (steps.y - both.mean[n:])
-        whole = replace(both, covariance=V + np.diag(np.append(np.zeros(n), steps.W)))
         few = (self.count - 1.0) ** 2 / 2.2 * len(np.unique(steps.level))
-        most = np.clip(few, self.count - 1.0, MANY)
-        return Next(level, mean, turn @ whole.covariance @ turn.T, np.clip(whole.degrees(turn), 1.0, most))
+        dof = np.clip(replace(both, covariance=V).degrees(turn), 1.0, np.clip(few, self.count - 1.0, MANY))
+        return Next(level, both.mean[:n] + c @ (steps.y - both.mean[n:]), turn @ V @ turn.T, dof)
 
-    def narrowest(self, sd_log: float) -> tuple[Next, float, Next]:
-        """The next session; the level of the reference step that is worth most, and the session after one: the least
-        interval at the worst level. What the step shows does not matter for that."""
-        n, every, tried = len(self.knots), self.further(self.knots), []
-        for k, level in enumerate(self.knots.tolist()):
-            at = np.append(np.arange(n), k)
-            square = np.ix_(at, at)
-            pair = replace(every, mean=every.mean[at], covariance=every.covariance[square],
-                           slopes=every.slopes[:, at][:, :, at], measured=every.measured[square])  # fmt: skip
-            tried.append((level, self.given(self.knots, steps_known([(level, 1.0, sd_log)]), pair)))
-        return self.given(self.knots, NO_STEPS, every), *min(tried, key=lambda one: float(one[1].reach.max()))
+    def worth_most(self, sd_log: float) -> tuple[float, Next]:
+        """The level of the reference step that is worth most, and the session after it: the least interval at the
+        worst level. What the step shows does not matter for that."""
+        tried = [(u, self.next(self.knots, steps_known([(u, 1.0, sd_log)]))) for u in self.knots.tolist()]
+        return min(tried, key=lambda one: float(one[1].reach.max()))
 
     def gains(self) -> tuple[Array, Array, Array]:
         """By how much each session lies above the common line in the mean of its levels, ln θ, with the standard
@@ -218,8 +202,3 @@ class Model:
         slope = float(order @ gain / (order @ order))
         error = float(np.linalg.norm(gain - gain.mean() - slope * order) / np.sqrt((self.count - 2) * (order @ order)))
         return slope, two_sided(slope / error, self.count - 2) if error > EXACT else 1.0
-
-
-def two_sided(t: float, dof: float) -> float:
-    """Probability of a t at least so far from 0."""
-    return float(2 * stdtr(dof, -abs(t)))

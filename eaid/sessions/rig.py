@@ -1,8 +1,9 @@
 """`sessions`: fits of several mountings of one rig, or a plain table → what the next one may be, rig.json."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, ClassVar
 
 import msgspec
@@ -12,7 +13,7 @@ from scipy.special import stdtrit
 
 from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
-from eaid.findings import finding, ranked, sentences
+from eaid.findings import Finding, finding, ranked, sentences
 from eaid.findings.row import SYMBOLS
 from eaid.options import SessionsOptions
 from eaid.results import codec
@@ -20,8 +21,8 @@ from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.verdict import FACTOR
 from eaid.sessions import gather
-from eaid.sessions.gather import CI, RESPONSES, Session, Value
-from eaid.sessions.model import EXACT, NO_STEPS, Known, Model, Next, steps_known
+from eaid.sessions.gather import RESPONSES, Session, Value
+from eaid.sessions.model import NO_STEPS, Known, Model, Next, known, steps_known
 from eaid.shown import Plotted, counted, pandas
 
 LEAST_SESSIONS = 3  # Sessions that tell how much they differ
@@ -29,6 +30,7 @@ FEW_SESSIONS = 5  # Sessions below which that is known to a factor only
 MANY_SESSIONS = 8  # From which they tell at which level gain and tilt are apart
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
 TREND_CHANCE = 0.05
+COMPONENTS = ("gain", "tilt", "session × level")
 # What is known of each session; the first one has to be
 SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", "a0", *RESPONSES)
 
@@ -86,10 +88,8 @@ class Quantity(Result, frozen=True):
         """Its model over the sessions of these names."""
         if strange := {one.session for one in self.values}.difference(names):
             raise DataError(f"a value of the rig is of {min(strange)}, which is none of its sessions; make it again")
-        session = np.array([names.index(one.session) for one in self.values], dtype=np.float64)
-        level, value, sd = np.array([(one.level, one.value, one.sd_log) for one in self.values]).T
-        known = Known(session, level, np.log(value), np.maximum(sd, EXACT) ** 2)
-        return Model(known, self.reference_level, self.terms, np.square(msgspec.structs.astuple(self.sd)))
+        of = known((names.index(one.session), one.level, one.value, one.sd_log) for one in self.values)
+        return Model(of, self.reference_level, self.terms, np.square(msgspec.structs.astuple(self.sd)))
 
 
 class Rig(Plotted, codec.Saved, Made, frozen=True):
@@ -147,16 +147,16 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         """
         if quantity and quantity not in self.quantities:
             raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
-        of, rows = self.quantities[quantity] if quantity else self.main, list[Value]()
+        of, shown = self.quantities[quantity] if quantity else self.main, NO_STEPS
         if steps is not None:
             of_a_run = {} if "sd_log" in steps else {"sd_log": of.sd_step}
             rows = gather.table_values(steps.assign(session="", **of_a_run))
+            shown = steps_known((one.level, one.value, one.sd_log) for one in rows)
         at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
         if not (at > 0).all():
             raise UsageError("«levels»: have to be above 0, as the model is one of logarithms")
-        found = self.foreseen(at, steps_known([(one.level, one.value, one.sd_log) for one in rows]), quantity)
-        low, high = found.ends
-        columns = {"value": found.value, "low": low, "high": high, "dof": found.dof}
+        found = of.model(self.names).next(at, shown)
+        columns = dict(zip(("value", "low", "high", "dof"), (found.value, *found.ends, found.dof), strict=True))
         return pandas.DataFrame(columns, index=pandas.Index(at, name="level"))
 
     def today(self, step: Any) -> Fit:
@@ -170,10 +170,8 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         one, n = self.main, len(self.sessions)
         at = f"{one.best_level:.4g} {self.input_unit}".rstrip()
         narrower = math.sqrt((1 + 1 / (n + 1)) / (1 + 1 / n)) * float(stdtrit(n, 0.975) / stdtrit(n - 1, 0.975))
-        also = [
-            f"{name} ×/÷ {each.factor:.2f}, after one step ×/÷ {each.with_step:.2f}"
-            for name, each in self.quantities.items() if name in RESPONSES
-        ]  # fmt: skip
+        responses = {name: each for name, each in self.quantities.items() if name in RESPONSES}
+        also = [f"{key} ×/÷ {of.factor:.2f}, after one step ×/÷ {of.with_step:.2f}" for key, of in responses.items()]
         why = "sessions, not repeats: " * (one.more_repeats > 0.95 * one.factor)
         return [
             f"rig     {counted(n, 'session')}: the next one's {self.symbol} within ×/÷ {one.factor:.2f}; after one "
@@ -203,7 +201,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
             f"{counted(len(fits), 'session')}: three and more tell what the next one may be; record another, or see "
             "what moved between two with eaid compare"
         )
-    if foretold := [name for name, fit in fits.items() if fit.uncertainty is not None and fit.uncertainty.ci == CI]:
+    if foretold := [name for name, fit in fits.items() if gather.foreseen(fit)]:
         raise DataError(
             f"{foretold[0]}: is foreseen by reference steps, no session of its own; fit the logs of its session"
         )
@@ -214,18 +212,15 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
     quantities = {}
     for name in SESSION_NUMBERS:
         values = gather.snapped([one for key, fit in fits.items() for one in gather.values_of(fit, name, key)])
-        knowing = {one.session for one in values}
-        if len(knowing) >= LEAST_SESSIONS:
+        without = [key for key in fits if key not in {one.session for one in values}]
+        if len(fits) - len(without) >= LEAST_SESSIONS:
             runs = [sd for fit in fits.values() if (sd := gather.run_scatter(fit, name)) is not None]
             sd_step = math.sqrt(float(np.mean(np.square(runs)))) if runs else None
             one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
             if name == "Ts" or one.factor < FACTOR:
                 quantities[name] = one
         elif name == "Ts":
-            raise DataError(
-                f"{', '.join(key for key in fits if key not in knowing)}: no level has a T_s with an interval; fit the "
-                "logs again, with «ci»"
-            )
+            raise DataError(f"{', '.join(without)}: no level has a T_s with an interval; fit the logs again, with «ci»")
     sessions = tuple(Session(name, gather.logs_of(fit)) for name, fit in fits.items())
     slim = msgspec.structs.replace(base, steps=(), responses=(), parameters=(), recorded=None, findings=())
     return _judged(Rig(options=options, input_unit=base.data.input_unit, sessions=sessions, quantities=quantities,
@@ -255,64 +250,59 @@ def quantity_of(
     middle = float(levels[len(levels) // 2])
     sd = float(np.median([one.sd_log for one in values])) if sd_step is None else sd_step
     plain = Quantity(unit, options.reference_level or middle, terms, tuple(values), Scatter(), sd, middle)
-    model = plain.model(names)
-    model = model.having(model.likeliest.v)
+    model = plain.model(names).likeliest()
     if options.reference_level is None and model.count >= MANY_SESSIONS:
         model = model.placed()
-    (now, best, after), known = model.narrowest(sd), model.known
-    finer = replace(model, known=replace(known, W=0.75 * known.W))
-    rows = zip(now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach), strict=True)
+    now, (best, after) = model.next(model.knots), model.worth_most(sd)
+    finer = replace(model, known=replace(model.known, W=0.75 * model.known.W)).next(model.knots)
+    rows = np.column_stack([now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach)])
     return msgspec.structs.replace(
         plain, reference_level=model.reference, sd=Scatter(*np.sqrt(model.variances).tolist()), best_level=best,
-        more_repeats=float(np.exp(finer.next(model.knots).reach.max())),
-        next=tuple(Foreseen(*map(float, row)) for row in rows),
+        more_repeats=float(np.exp(finer.reach.max())), next=tuple(Foreseen(*row) for row in rows.tolist()),
     )  # fmt: skip
 
 
 def _judged(rig: Rig) -> Rig:
     """The rig with what is to be known of its main quantity; UsageError for more terms than that carries."""
-    one, model, name = rig.main, rig.main.model(rig.names), next(iter(rig.quantities))
-    known, unit, found = model.known, rig.input_unit, [*rig.findings]
-    if one.terms and rig.options.terms not in (None, one.terms):
-        held = f"{counted(len(known.y), 'value')} at {counted(len(model.knots), 'level')}"
-        raise UsageError(f"«terms» {rig.options.terms}: the sessions hold {held}; give {one.terms} at most")
+    one, model, wanted = rig.main, rig.main.model(rig.names), rig.options.terms
+    if one.terms and wanted not in (None, one.terms):
+        held = f"{counted(len(model.known.y), 'value')} at {counted(len(model.knots), 'level')}"
+        raise UsageError(f"«terms» {wanted}: the sessions hold {held}; give {one.terms} at most")
+    return msgspec.structs.replace(rig, findings=ranked([*rig.findings, *_told(rig, one, model)]))
+
+
+def _told(rig: Rig, one: Quantity, model: Model) -> Iterator[Finding]:
+    of, unit, tell = model.known, rig.input_unit, partial(finding, subject="sessions")
+    name = next(iter(rig.quantities))
     if model.count < FEW_SESSIONS:
-        found.append(finding("few-sessions", "sessions", sessions=model.count))
-    words = ("gain", "tilt", "session × level")
-    if none := tuple(words[k] for k in model.free if model.variances[k] <= 1e-6 * model.line.scale):
-        found.append(finding("no-scatter-between-sessions", "sessions", parameter=name, components=none))
+        yield tell("few-sessions", sessions=model.count)
+    none = tuple(COMPONENTS[k] for k in model.free if model.variances[k] <= 1e-6 * model.line.scale)
+    if none:
+        yield tell("no-scatter-between-sessions", parameter=name, components=none)
     if not model.knots[0] <= one.reference_level <= model.knots[-1]:
-        found.append(finding("reference-level-outside", "sessions", model.knots, level=one.reference_level, unit=unit))
-    carried = _carried(model, one.factor)
-    if carried is not None:
-        session, factor = rig.names[carried[0]], carried[1]
-        found.append(finding("session-carries-estimate", "sessions", session=session, parameter=name, factor=factor,
-                             whole=one.factor))  # fmt: skip
+        yield tell("reference-level-outside", levels=model.knots, level=one.reference_level, unit=unit)
+    far, factor = _carried(model)
+    if math.log(factor) < CARRIES * math.log(one.factor):
+        session = rig.names[far]
+        yield tell("session-carries-estimate", session=session, parameter=name, factor=factor, whole=one.factor)
     slope, p = model.trend()
     if p < TREND_CHANCE:
-        pct = 100 * math.expm1(slope)
-        found.append(finding("trend-over-sessions", "sessions", parameter=name, pct=pct, p=p))
-    beside = (known.session[:, None] == known.session) | (known.level[:, None] == known.level)
+        yield tell("trend-over-sessions", parameter=name, pct=100 * math.expm1(slope), p=p)
+    beside = (of.session[:, None] == of.session) | (of.level[:, None] == of.level)
     parts, label = connected_components(beside, directed=False)
     if parts > 1:
-        apart = min((np.unique(known.level[label == k]) for k in range(parts)), key=lambda levels: len(levels))
-        found.append(finding("levels-and-sessions-confounded", "sessions", apart, unit=unit))
-    return msgspec.structs.replace(rig, findings=ranked(found))
+        apart = min((np.unique(of.level[label == k]) for k in range(parts)), key=len)
+        yield tell("levels-and-sessions-confounded", levels=apart, unit=unit)
 
 
-def _carried(model: Model, whole: float) -> tuple[int, float] | None:
-    """The session that lies furthest off, where without it the next one's interval is much narrower: by what factor it
-    then reaches."""
-    line, known = model.line, model.known
-    off = np.where(known.session == np.arange(known.session.max() + 1)[:, None], line.residuals, 0.0)
+def _carried(model: Model) -> tuple[int, float]:
+    """The session that lies furthest off, and by what factor the next one's interval reaches without it; infinite where
+    the others do not tell."""
+    line, of = model.line, model.known
+    off = np.where(of.session == np.arange(of.session.max() + 1)[:, None], line.residuals, 0.0)
     far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
-    kept = known.session != far
-    rest = replace(model, known=Known(known.session[kept], known.level[kept], known.y[kept], known.W[kept]))
-    if (
-        model.count <= LEAST_SESSIONS
-        or len(rest.known.y) <= line.values.X.shape[1]
-        or len(rest.knots) < len(model.knots)
-    ):
-        return None
-    factor = float(np.exp(rest.having(rest.likeliest.v).next(model.knots).reach.max()))
-    return (far, factor) if math.log(factor) < CARRIES * math.log(whole) else None
+    rest = replace(model, known=of.of(of.session != far))
+    enough = len(rest.known.y) > line.values.X.shape[1] and len(rest.knots) == len(model.knots)
+    if model.count <= LEAST_SESSIONS or not enough:
+        return far, math.inf
+    return far, float(np.exp(rest.likeliest().next(model.knots).reach.max()))

@@ -3,10 +3,10 @@
 Runs are one run where their values agree to their digits, or closer than noise allows, whatever their clocks, decimals,
 rates, offsets and lengths are.
 
-Of all pairs of stretches of w rows, w = 8, 16, 32, …, those that are equal are looked for, stretches that stand still
-left out. By chance, by rounding, by hum, they come at many distances; a copied block makes them at one. Where some n²/2
-pairs of w rows are alike at one distance only, a pair is alike by chance with a probability of 6/n² at most (95 %), and
-one of 2 w rows, twice that in a row, in the whole log with 18/n²: a block of 2 w rows and more is a copy.
+Of all pairs of stretches of w rows, w = 1, 2, 3, …, those that are equal are counted, stretches that stand still left
+out. By chance, by rounding, by hum, they come at many distances; a copied block makes them at one. Of the others there
+are N, and r N where they are one row longer, r by the widths at which N was last known well: rows as many as the block
+has are equal by chance N r^(rows − w) times, and it is a copy where that is next to never.
 """
 
 from collections.abc import Sequence
@@ -22,9 +22,11 @@ from eaid.steps.levels import grouped
 from eaid.steps.noise import block_noise, stretches
 from eaid.steps.step import sample_at, usual_step
 
-SHORTEST_STRETCH = 8  # Rows of the shortest stretches that are compared
+KNOWN_WELL = 100  # Pairs whose number tells how it falls from row to row
+CHANCE = 1e-4  # A block that chance makes no more often is a copy
+FEWEST_ROWS = 5  # Of a block: whether fewer are noise or a curve cannot be told
 MIXES = np.uint64(0x9E3779B97F4A7C15)  # An odd number without pattern (2⁶⁴ over the golden ratio)
-ROUGH = 1 / 3  # Share of its rows at which a block turns, at least: noise turns at two of three, a smooth curve at none
+ROUGH = 0.25  # Share of its rows at which a block turns, at least: noise turns at half of them and more, curves at few
 NEIGHBOURS_COMPARED = 60  # Runs of a level that each is compared with: those next to it by their means
 # Samples before and behind a step that are compared: long logs take no more time and memory than that
 BEFORE, BEHIND = 2_000, 20_000
@@ -46,29 +48,36 @@ def copied_block(values: Array) -> Copy | None:
     count, width = len(values), 1
     # numbers of 64 bits that stretches of `width` rows share where they are equal, and by chance hardly ever else
     kinds = (np.asarray(values, dtype=np.float64) + 0.0).view(np.uint64)
-    moves = np.concatenate(([0], np.cumsum(np.diff(values) != 0)))
-    while len(kinds) > 2 * width:
-        kinds = kinds[:-width] * MIXES + (kinds[width:] ^ (kinds[width:] >> np.uint64(29)))
-        width *= 2
-        if width < SHORTEST_STRETCH:
-            continue
-        moving = np.flatnonzero(moves[width - 1 :] > moves[: len(kinds)])
-        places = moving[np.argsort(kinds[moving], kind="stable")]
+    moves, places = np.concatenate(([0], np.cumsum(np.diff(values) != 0))), np.arange(count)
+    pairs, fall, known = count**2 / 2, 0.0, 0
+    while True:
+        places = places[np.argsort(kinds[places], kind="stable")]
         alike = np.diff(kinds[places]) == 0
         if not alike.any():
             return None
-        apart = np.diff(places)[alike]
-        if apart.min() < apart.max() or (alike[1:] & alike[:-1]).any():
-            continue  # so many rows are alike by chance
-        first = np.zeros(count, dtype=bool)
-        first[places[:-1][alike]] = True
-        starts, stops = stretches(first)
-        longest = int((stops - starts).argmax())
-        at, rows = int(starts[longest]), int(stops[longest] - starts[longest]) + width - 1
-        steps = np.diff(values[at : at + rows])
-        turns = np.count_nonzero(steps[1:] * steps[:-1] < 0)
-        return Copy(at, rows, int(apart[0])) if rows >= 2 * width and turns >= ROUGH * rows else None
-    return None
+        (starts, stops), apart = stretches(alike), np.diff(places)[alike]
+        distances, often = np.unique(apart, return_counts=True)
+        others = float(((stops - starts + 1.0) * (stops - starts) / 2).sum()) - int(often.max())
+        if others == 0:
+            break
+        if others >= KNOWN_WELL:
+            most = others + 2 * np.sqrt(others)
+            pairs, fall, known = most, (most / pairs) ** (1 / (width - known)), width
+        more = max(1, width // 2)
+        kinds = kinds[:-more] * MIXES + (kinds[more:] ^ (kinds[more:] >> np.uint64(29)))
+        width += more
+        places = places[np.append(alike, False) | np.append(False, alike)]
+        places = places[places < len(kinds)]
+        places = places[moves[places + width - 1] > moves[places]]
+    later = int(distances[0])
+    starts, stops = stretches(values[later:] == values[:-later])
+    longest = max(np.searchsorted(stops, places[:-1][alike], "right"), key=lambda k: int(stops[k] - starts[k]))
+    at, rows = int(starts[longest]), int(stops[longest] - starts[longest])
+    steps = np.diff(values[at : at + rows])
+    turns = np.count_nonzero(steps[1:] * steps[:-1] < 0)
+    by_chance = pairs * (fall or (3 / pairs) ** (1 / width)) ** (rows - known)
+    copied = by_chance <= CHANCE and rows >= FEWEST_ROWS and turns >= ROUGH * rows
+    return Copy(at, rows, later) if copied else None
 
 
 class _Output(NamedTuple):

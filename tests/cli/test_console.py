@@ -71,8 +71,8 @@ def test_the_three_gravest_findings_come_first_and_rows_that_were_dropped_are_al
     assert "warning: --repair dropped 14 of 100 rows" in told and "and 1 more: --verbose shows all" in told
     console.tell(many, verbose=True)
     assert len(capsys.readouterr().err.splitlines()) == 5
-    console.be_quiet(True)
-    console.tell(many, verbose=True)
+    with console.hushed(True):
+        console.tell(many, verbose=True)
     assert capsys.readouterr().err == ""
 
 
@@ -106,8 +106,8 @@ def test_progress_is_a_bar_on_a_terminal_and_now_and_then_a_line_elsewhere(termi
     monkeypatch.undo()
     terminal(80)
     assert "10/10" in reading(10)
-    console.be_quiet(True)
-    assert reading(10) == ""
+    with console.hushed(True):
+        assert reading(10) == ""
 
 
 @pytest.mark.parametrize("name", ["ingest", "fit", "tune-rc", "simulate", "couple", "plan"])

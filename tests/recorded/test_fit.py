@@ -120,7 +120,9 @@ def test_what_a_fit_of_a_recorded_log_knows_and_refuses() -> None:
         fit.predict(1000, [1.0])
     assert len(fit.plot().lines) == 5
     stairs = Excitation(kind="staircase", duration_s=60.0, rate_hz=20.0, duty=(20.0, 80.0), hold_s=(2.0, 3.0))
-    known = eaid.fit(frame(synthesise_excitation(clutch(), stairs, NOISE, 1)[0]), ci="none", bounds_levels="40:80", shape="one")
+    known = eaid.fit(
+        frame(synthesise_excitation(clutch(), stairs, NOISE, 1)[0]), ci="none", bounds_levels="40:80", shape="one"
+    )
     assert min(known.linear.bounds.levels) >= 40
 
 

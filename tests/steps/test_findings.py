@@ -168,6 +168,9 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
     "half a second written twice, the clock regenerated": (
         output(np.insert(NOISY.torque_nm.to_numpy(), 800, NOISY.torque_nm[750:800])[:1200]),
         {"block-written-twice": {"rows": 50, "at_s": near(7.5), "again_s": near(8.0)}}),
+    "ten rows, in noise of ten of the sensor's digits": (
+        output(np.round(np.insert(NOISY.torque_nm.to_numpy(), 800, NOISY.torque_nm[790:800])[:1200], 3)),
+        {"block-written-twice": {"rows": 10, "at_s": near(7.9), "again_s": near(8.0)}}),
     "14 rows written twice, as chance may": (
         output(np.round(np.insert(NOISY.torque_nm.to_numpy(), 800, NOISY.torque_nm[786:800])[:1200], 2)), {}),
     "a sensor of 0.02 in noise of half of it": (output(np.round(NOISY.torque_nm * 50) / 50), {}),
