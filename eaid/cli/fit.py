@@ -53,8 +53,7 @@ def command(
     result = msgspec.structs.replace(result, command=args.typed)
     result.save(output, args.force)
     usable = result.verdict.usable
-    after = shlex.join(("eaid", "tune-rc" if result.linear is not None and usable else "report", str(output)))
-    lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {after}"
+    lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {_next(result, output)}"
     shown = [*map(on_command_line, lines), *(model_tables(result) if args.verbose else ())]
     tell_result(args, result, shown, result.findings)
     models = ("friction", "nonlinear", "linear", "release", "steps")
@@ -64,6 +63,18 @@ def command(
         return 0
     console.fail(f"{output}: is written and marked; do not use its numbers")
     return NOT_TO_BE_USED
+
+
+def _next(fit: "eaid.Fit", file: Path) -> str:
+    """What the gravest warning asks for, then the command that goes on from here."""
+    from eaid.findings import advised
+
+    first, refit = advised(fit.findings, fit.command)
+    if refit:
+        return shlex.join(("eaid", "fit", *fit.command, *refit.split(), "-o", str(file), "--force"))
+    if not fit.verdict.usable or fit.linear is None:
+        return shlex.join(("eaid", "report", str(file)))
+    return f"{first}; as it is: " * bool(first) + shlex.join(("eaid", "tune-rc", str(file)))
 
 
 def _follow(

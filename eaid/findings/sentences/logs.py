@@ -143,6 +143,7 @@ ROWS: dict[str, Row] = {
         "{samples:#row} stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
         "holds with them; «repair» drops such rows, up to 1 % of a log",
         "value",
+        refit="--repair",
     ),
     "gap": caution("gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)", "gap_s"),
     "step-in-gap": stop(
