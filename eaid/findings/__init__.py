@@ -3,4 +3,16 @@
 from eaid.findings.finding import Finding, Value, advised, finding, listed, merged, ranked, say, sentences, stops
 from eaid.findings.row import Severity
 
-__all__ = ["Finding", "Severity", "Value", "advised", "finding", "listed", "merged", "ranked", "say", "sentences", "stops"]
+__all__ = [
+    "Finding",
+    "Severity",
+    "Value",
+    "advised",
+    "finding",
+    "listed",
+    "merged",
+    "ranked",
+    "say",
+    "sentences",
+    "stops",
+]

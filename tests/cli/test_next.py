@@ -61,12 +61,12 @@ def make(name):
     elif name == "between levels":
         write(Path("levels.csv"), "time [s],drive [V],force [N]", T, drive, follows)
     elif name in ("overshoot", "another share"):
-        slow = -np.expm1(-np.maximum(T - 2, 0) / 1.5)
+        two = sum(part * -np.expm1(-np.maximum(T - 2, 0) / tau) for part, tau in ((0.6, 0.2), (0.4, 1.5)))
         slips = RISE * np.where(T > 3, 1 - 0.3 * -np.expm1(-(T - 3) / 0.5), 1)
         for volts in (20, 40, 60, 80):
-            for repeat in (1, 2):
+            for repeat in (1, 2, 3):
                 file = Path(f"{'slips' if name == 'overshoot' else 'shares'}/{volts}V-{repeat}.csv")
-                output = slips if name == "overshoot" else 0.6 * RISE + 0.4 * slow
+                output = slips if name == "overshoot" else (1 + 0.01 * repeat) * two
                 write(file, "time_s,voltage_v,force_n", T, np.where(T >= 2, volts, 0.0), volts / 20 * output)
 
 
@@ -98,9 +98,7 @@ def run_chain(lines, run_eaid, least):
     return done
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in FIRST]
-)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in FIRST])
 def test_what_is_printed_runs(name, run_eaid, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make(name)

@@ -254,7 +254,9 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
             line = _line("simulate", fit, given, "--scenario", "multisine", "-o", _unused(fit, "multisine.h5"))
             steps.append(("Try the controllers on the fitted model", line))
     # of other kinds nothing is planned, and what decays under hold no plan mends
-    planned = (fit.result.plant_ is None or fit.result.plant_.kind == "parallel") and not (decays or refit or "rise-of-the-rig" in told)
+    planned = (fit.result.plant_ is None or fit.result.plant_.kind == "parallel") and not (
+        decays or refit or "rise-of-the-rig" in told
+    )
     if planned and (fit.result.nonlinear is not None or fit.result.friction_levels):
         logs = ["--excitation"] if fit.result.recorded is not None else []
         why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
