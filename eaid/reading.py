@@ -18,9 +18,9 @@ from eaid.files import sha256_of
 from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
 from eaid.logs.folders import files_of
+from eaid.logs.formats import ForeignReader, format_of
 from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.names import agreeing, chosen, level_and_repeat, pattern_guessed, several_factors, unit_beside
-from eaid.logs.formats import ForeignReader, format_of
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text

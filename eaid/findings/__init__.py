@@ -4,15 +4,5 @@ from eaid.findings.finding import Finding, Value, advised, finding, listed, merg
 from eaid.findings.row import Severity
 
 __all__ = [
-    "Finding",
-    "Severity",
-    "Value",
-    "advised",
-    "finding",
-    "listed",
-    "merged",
-    "ranked",
-    "say",
-    "sentences",
-    "stops",
-]
+    "Finding", "Severity", "Value", "advised", "finding", "listed", "merged", "ranked", "say", "sentences", "stops",
+]  # fmt: skip
