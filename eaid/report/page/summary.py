@@ -72,7 +72,9 @@ def tables(results: Results) -> tuple[Table, ...]:
         whose = f"Each level's own; {curve}." if own else ""
         found.append(Table("Values with 95 % intervals", whose, columns(*heads), tuple(map(tuple, cells[1:]))))
     if results.gains:
-        return (*found, controllers_table(results.gains[0].result))
+        whole = controllers_table(results.gains[0].result)  # but for the gains themselves
+        rows = tuple((name, *others) for name, _gains, *others in whole.rows)
+        return (*found, replace(whole, columns=(whole.columns[0], *whole.columns[2:]), rows=rows))
     replay = _replay_of(results)
     return tuple(found) if replay is None else (*found, errors_table([replay]))
 
