@@ -18,7 +18,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.report.figures.replays import tracking_panels
 from eaid.report.figures.residuals import residuals
