@@ -8,6 +8,7 @@ import numpy as np
 from eaid.apparatus import Apparatus
 from eaid.arrays import Array
 from eaid.findings import Finding
+from eaid.logs.units import UNKNOWN
 from eaid.options import ExperimentKind
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.forms import refuse_unordered
@@ -412,3 +413,8 @@ class FittedData(Result, frozen=True):
     inputs: tuple[Input, ...] = ()
     synthetic: str | None = None
     """What made the data, where no rig did."""
+
+    def __post_init__(self) -> None:
+        for name in ("input_unit", "output_unit"):
+            if not getattr(self, name):  # of files that were written before an unknown unit was called arbitrary
+                msgspec.structs.force_setattr(self, name, UNKNOWN)
