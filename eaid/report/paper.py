@@ -50,8 +50,10 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
     rows = -(-len(sheet.panels) // sheet.columns)
     figure = Figure(figsize=(sheet.width_in, sheet.height_in), layout="constrained")
     FigureCanvasAgg(figure)
-    ratios = {"height_ratios": sheet.ratios or None, "width_ratios": sheet.widths or None}
-    grid = figure.subplots(rows, sheet.columns, squeeze=False, sharex="col" if sheet.shared else False, **ratios)
+    grid = figure.subplots(
+        rows, sheet.columns, squeeze=False, sharex="col" if sheet.shared else False,
+        height_ratios=sheet.ratios or None, width_ratios=sheet.widths or None,
+    )  # fmt: skip
     for k, (axes, panel) in enumerate(zip(grid.flat, sheet.panels, strict=False)):
         lowest = not sheet.shared or k + sheet.columns >= len(sheet.panels)
         draw(axes, panel, x_label=lowest)
