@@ -428,7 +428,8 @@ ROWS: dict[str, Row] = {
     ),
     "loop-bias-unknown": caution(
         "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
-        "leave it out; log the reference of a PI loop, or play an input of your own"
+        "leave it out; name the reference of a PI loop with «columns» reference=NAME, or log it, or play an input of "
+        "your own"
     ),
     "loop-direct": caution(
         "{subject}: its law is known, but the loop does not begin at rest, or the fit by its simulated input does not "
