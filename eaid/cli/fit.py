@@ -5,7 +5,7 @@ from pathlib import Path
 
 import eaid
 from eaid.cli import console
-from eaid.cli.form import Common, argument, refuse_idle, takes, tell_result, written
+from eaid.cli.form import Common, argument, refuse_idle, stamped, takes, tell_result, written
 from eaid.declared import option
 from eaid.errors import on_command_line
 from eaid.files import refuse_to_overwrite
@@ -35,8 +35,6 @@ def command(
 
     Example: eaid fit bench/ --levels 20:100 --hold-out 60 -o fit.json
     """
-    import msgspec
-
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
     from eaid.report.tables.fits import model_tables
@@ -49,8 +47,7 @@ def command(
         data = _follow(data, reading, follow, against, plan)
     refuse_to_overwrite(output, args.force, files_read(data))
     stepset = read_steps(data, reading, console.progress, console.warn, console.say)[1]
-    result = eaid.fit(stepset, how, progress=console.progress)
-    result = msgspec.structs.replace(result, command=args.typed)
+    result = stamped(eaid.fit(stepset, how, progress=console.progress), args)
     result.save(output, args.force)
     usable = result.verdict.usable
     lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {_next(result, output)}"

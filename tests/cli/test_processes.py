@@ -43,13 +43,6 @@ def test_help_and_version_import_nothing_heavy():
     assert "typer" in found and found & HEAVY == set()
 
 
-def test_the_shell_completes_commands_and_options():
-    assert "_eaid_completion" in ran("--show-completion", "bash").stdout
-    for typed, offered in (("eaid tune", "tune-rc"), ("eaid tune-rc --b-h", "--b-hat")):
-        words = {"_EAID_COMPLETE": "complete_bash", "COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
-        assert offered in ran(*typed.split()[1:], env={**os.environ, **words}).stdout.split()
-
-
 TABLES, DRAWING = {"pandas", "polars"}, {"matplotlib", "bokeh", "jinja2"}
 
 
