@@ -42,7 +42,7 @@ docs: .venv/.docs  ## the site: site/index.html; a warning or a dead link is an 
 
 CHROMIUM ?= chromium
 screenshot: reports  ## docs/figures/page.png, the first screen of the demo's page
-	$(CHROMIUM) --headless --no-sandbox --hide-scrollbars --window-size=1280,830 --virtual-time-budget=8000 \
+	$(CHROMIUM) --headless --no-sandbox --hide-scrollbars --window-size=1280,970 --virtual-time-budget=8000 \
 		--screenshot=docs/figures/page.png "file://$(CURDIR)/reports/demo/report.html"
 
 reports: demo  ## reports/demo: the demo's answers, page and figures, without its recordings

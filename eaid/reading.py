@@ -18,6 +18,7 @@ from eaid.files import sha256_of
 from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
 from eaid.logs.folders import files_of
+from eaid.logs.formats import ForeignReader, format_of
 from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.names import agreeing, chosen, level_and_repeat, pattern_guessed, several_factors, unit_beside
 from eaid.logs.read import columns_told, read_what_can_be
@@ -141,9 +142,11 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
 
 
 def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:
-    """Columns guessed of a text; none of a file of another format."""
-    with contextlib.suppress(DataError):
-        return columns_guessed(read_text(file, str(file))[0], options)
+    """Columns guessed of a log's first table; none where that cannot be had."""
+    with contextlib.suppress(DataError), contextlib.closing(ForeignReader()) as foreign, file.open("rb") as opened:
+        form = format_of(opened.read(4096))
+        tables = foreign.tables(form, file, str(file)) if form.reader else read_text(file, str(file))
+        return columns_guessed(tables[0], options)
     return {}
 
 

@@ -6,7 +6,8 @@ import msgspec
 
 from eaid.api.given import Column, File, Paths, Tables, measured, paths_in, result_of, tables_in
 from eaid.declared import chosen, forms, taking
-from eaid.errors import UsageError
+from eaid.errors import DataError, UsageError
+from eaid.findings import say
 from eaid.options import FitOptions, PlanOptions, ReadOptions, SynthOptions
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps, steps_of
@@ -135,6 +136,7 @@ def fit(
         )
     how = chosen(FitOptions, options, keywords)
     steps = source if isinstance(source, StepSet) else read(source, progress=progress)
+    _ask(steps)
     from eaid.levels.workflow import asks_for_another_kind, fit_steps
     from eaid.replay.compare import of_own_logs
     from eaid.results.common import Samples
@@ -161,6 +163,18 @@ def fit(
     return msgspec.structs.replace(
         fitted, data=of_data, responses=responses, parameters=table_of(fitted), samples=Samples(steps)
     )
+
+
+def _ask(steps: StepSet) -> None:
+    """DataError for logs that no fit holds with before one reading option more is given."""
+    found = {one.code: one for one in steps.all_findings}
+    assumed = found.get("unit-assumed")
+    asked = (
+        found.get("spikes") if not steps.reading.get("repair") else None,
+        found.get("duty-may-be-fraction") if assumed is not None and assumed.values["role"] == "input" else None,
+    )
+    if faults := [f"{one.subject}: " * (one.subject != "data") + say(one) for one in asked if one is not None]:
+        raise DataError(*faults)
 
 
 @taking(PlanOptions)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import eaid
 from eaid.cli import console
-from eaid.cli.form import Common, argument, refuse_idle, takes, tell_result, written
+from eaid.cli.form import Common, argument, refuse_idle, stamped, takes, tell_result, written
 from eaid.declared import option
 from eaid.errors import on_command_line
 from eaid.files import refuse_to_overwrite
@@ -35,8 +35,6 @@ def command(
 
     Example: eaid fit bench/ --levels 20:100 --hold-out 60 -o fit.json
     """
-    import msgspec
-
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
     from eaid.report.tables.fits import model_tables
@@ -49,12 +47,10 @@ def command(
         data = _follow(data, reading, follow, against, plan)
     refuse_to_overwrite(output, args.force, files_read(data))
     stepset = read_steps(data, reading, console.progress, console.warn, console.say)[1]
-    result = eaid.fit(stepset, how, progress=console.progress)
-    result = msgspec.structs.replace(result, command=args.typed)
+    result = stamped(eaid.fit(stepset, how, progress=console.progress), args)
     result.save(output, args.force)
     usable = result.verdict.usable
-    after = shlex.join(("eaid", "tune-rc" if result.linear is not None and usable else "report", str(output)))
-    lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {after}"
+    lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {_next(result, output)}"
     shown = [*map(on_command_line, lines), *(model_tables(result) if args.verbose else ())]
     tell_result(args, result, shown, result.findings)
     models = ("friction", "nonlinear", "linear", "release", "steps")
@@ -64,6 +60,18 @@ def command(
         return 0
     console.fail(f"{output}: is written and marked; do not use its numbers")
     return NOT_TO_BE_USED
+
+
+def _next(fit: "eaid.Fit", file: Path) -> str:
+    """What the gravest warning asks for, then the command that goes on from here."""
+    from eaid.findings import advised
+
+    first, refit = advised(fit.findings, fit.command)
+    if refit:
+        return shlex.join(("eaid", "fit", *fit.command, *refit.split(), "-o", str(file), "--force"))
+    if not fit.verdict.usable or fit.linear is None:
+        return shlex.join(("eaid", "report", str(file)))
+    return f"{first}; as it is: " * bool(first) + shlex.join(("eaid", "tune-rc", str(file)))
 
 
 def _follow(

@@ -187,7 +187,7 @@ def tell_result(
 
 
 def stamped(result: R, args: Common, **files: Path | list[Path] | None) -> R:
-    """A result that says what was typed, and names the files it was made from."""
+    """A result that says what was typed, and names the files it was made from, where its own data do not."""
     import msgspec
 
     from eaid.results.common import Input
@@ -197,4 +197,5 @@ def stamped(result: R, args: Common, **files: Path | list[Path] | None) -> R:
         for role, given in files.items()
         if given
     }
-    return msgspec.structs.replace(result, inputs=named, command=args.typed)  # type: ignore[type-var]
+    more: dict[str, Any] = {"inputs": named} if files else {}
+    return msgspec.structs.replace(result, command=args.typed, **more)  # type: ignore[type-var]

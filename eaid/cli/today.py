@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, argument, takes, tell_result, written
+from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
 from eaid.errors import on_command_line
 from eaid.files import refuse_to_overwrite
 from eaid.options import ReadOptions
@@ -22,8 +22,6 @@ def command(
 
     Example: eaid today rig.json step_60.csv -o today.json
     """
-    import msgspec
-
     from eaid.findings import say
     from eaid.logs.manifest import files_read
     from eaid.reading import read_steps
@@ -35,7 +33,7 @@ def command(
     known, warnings = codec.read(rig, Rig)
     refuse_to_overwrite(output, args.force, [rig, *files_read(steps)])
     data = read_steps(steps, reading_of(known, reading), console.progress, console.warn, console.say)[1]
-    fit = msgspec.structs.replace(today(known, data), command=args.typed)
+    fit = stamped(today(known, data), args)
     fit.save(output, args.force)
     one = next(found for found in fit.findings if found.code == "for-today")
     after = f"next    eaid {'tune-rc' if fit.linear is not None else 'report'} {output}"

@@ -59,6 +59,16 @@ def merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     return tuple(worst)
 
 
+def advised(findings: Iterable[Finding], typed: Sequence[str]) -> tuple[str, str]:
+    """What the gravest of a fit's findings asks for before gains are built on it: by hand, or by options of another fit
+    that was not `typed` with them; both empty where none asks for anything."""
+    for one in ranked(merged(tuple(findings))):
+        row = _row(one.code)
+        if row.first or (row.refit and row.refit.split()[0] not in typed):
+            return row.first, row.refit.format(**one.values)
+    return "", ""
+
+
 def _row(code: str) -> Row:
     """The table's row of a code; one that says nothing where a later version made the finding."""
     return SENTENCES.get(code, Row("note", code))

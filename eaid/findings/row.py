@@ -27,6 +27,8 @@ class Row:
     # model is not identifiable or a unit is unknown, 3 what follows from others
     rank: int = 2
     covers: tuple[str, ...] = ()  # Codes that say less of the same thing: they are not told beside this one
+    first: str = ""  # What to do by hand before gains are built on the fit
+    refit: str = ""  # Options of another fit that mends it, a `str.format` text over its values
 
 
 stop, caution, note = partial(Row, "stop"), partial(Row, "caution"), partial(Row, "note")  # Rows of each severity

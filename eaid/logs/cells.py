@@ -1,13 +1,14 @@
-"""The cells of a text log as columns: by Arrow's parser where each is a plain finite number, else cell by cell."""
+"""The cells of a text log as columns: by pandas' parser where each is a plain finite number, else cell by cell."""
 
+import io
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from eaid.logs.table import BadCell, Cells
+from eaid.shown import pandas
 
 if TYPE_CHECKING:
     from eaid.logs.text import Dialect
@@ -15,43 +16,34 @@ if TYPE_CHECKING:
 COMMENT = ("#", "%", "//")
 
 
-def by_arrow(body: str, dialect: "Dialect", columns: Sequence[int], line: int) -> Cells | None:
-    """The columns of a piece by Arrow's parser; None where anything in them is not a plain finite number."""
-    if not set(columns).isdisjoint(dialect.stamps):
+def at_once(body: str, dialect: "Dialect", columns: Sequence[int], line: int) -> Cells | None:
+    """The columns of a piece by pandas' parser; None where anything in them is not a plain finite number, or a row is
+    longer or shorter than the first."""
+    if not set(columns).isdisjoint(dialect.stamps) or '"' in body:
         return None
-    import pyarrow as pa
-    from pyarrow import csv as arrow
-
     marks = dialect.marks
     if marks.delimiter is None:  # cells stand apart by one blank each
         body = "\n".join(" ".join(row.strip("[]; \r").split()) for row in body.split("\n"))
-    first = body.partition("\n")[0].split(marks.delimiter or " ")
-    names = [str(i) for i in range(max(len(first), dialect.count))]
-    kinds = {}
-    for column in columns:
-        digits = first[min(column, len(first) - 1)]
-        long = digits.isdigit() and len(digits) > 15  # more than a float surely holds: stamps in ns stay whole
-        kinds[names[column]] = pa.int64() if long else pa.float64()
-    data = body.encode()
-    try:
-        table = arrow.read_csv(
-            pa.BufferReader(pa.py_buffer(data)),
-            arrow.ReadOptions(use_threads=False, block_size=len(data) + 1, column_names=names),
-            arrow.ParseOptions(delimiter=marks.delimiter or " ", ignore_empty_lines=False),
-            arrow.ConvertOptions(
-                column_types=kinds, include_columns=list(kinds), null_values=[], decimal_point=marks.decimal
-            ),
-        )
-    except pa.ArrowInvalid:
+    between = marks.delimiter or " "
+    first = body.partition("\n")[0].split(between)
+    data = f"{body}\n".encode()
+    signs = np.frombuffer(data, dtype=np.uint8)
+    ends = signs[(signs == ord(between)) | (signs == ord("\n"))] == ord("\n")  # of cells: which end a row
+    if len(first) < dialect.count or len(ends) % len(first) or ends.sum() != len(ends) // len(first):
         return None
-    # one chunk, as the block is the piece; its own to_numpy would load pandas
-    values: list[NDArray[Any]] = []
-    for column in columns:
-        (cells,) = table[names[column]].chunks
-        values.append(np.from_dlpack(cells))
-        if not np.isfinite(values[-1]).all():
-            return None
-    return Cells(tuple(values), rows=((0, line),))
+    if not ends[len(first) - 1 :: len(first)].all():
+        return None
+    # more than a float surely holds: stamps in ns stay whole
+    kinds = {i: np.int64 if first[i].isdigit() and len(first[i]) > 15 else np.float64 for i in columns}
+    try:
+        table = pandas.read_csv(
+            io.BytesIO(data), sep=between, decimal=marks.decimal, header=None, usecols=list(kinds), dtype=kinds,
+            na_filter=False, skip_blank_lines=False, low_memory=False,
+        )  # fmt: skip
+    except (ValueError, OverflowError):
+        return None
+    values = tuple(table[column].to_numpy() for column in columns)
+    return Cells(values, rows=((0, line),)) if all(np.isfinite(one).all() for one in values) else None
 
 
 def cell_by_cell(body: str, dialect: "Dialect", columns: Sequence[int], line: int) -> Cells:

@@ -37,6 +37,7 @@ FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave
 BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
 # Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
 LONGEST_S = 3600.0
+WHOLE_S = 600.0  # Span from which whole seconds may be ms under a header that says s
 
 CLOCK_STAMP = re.compile(
     r"(?:(?P<date>\d[\d/.-]*)[T ]+)?(?P<h>[01]?\d|2[0-3]):(?P<m>[0-5]\d)(?::(?P<s>[0-5]\d|60)(?:[.,](?P<f>\d+))?)?"
@@ -152,8 +153,9 @@ def seconds_since_start(
     counts, per_s = next(days, ("", 0.0))
     refuted = bool(counts) and by_column is not None and not math.isclose(by_column * per_s, 1.0)
     too_fast = by_column is not None and 0 < usual * by_column < 1.0 / (5e6 if by_column > 1e-6 else 5e9)
+    long = by_column == 1.0 and usual >= 1.0 and gone[-1] > WHOLE_S and _is_whole(gone)
     if by_user is not None:
-        if by_column is not None and not (refuted or too_fast) and not math.isclose(by_user, by_column):
+        if by_column is not None and not (refuted or too_fast or long) and not math.isclose(by_user, by_column):
             raise DataError(
                 f"{path}: column {column} says its unit, «units» time=UNIT another; leave it out, or mend the name"
             )
@@ -162,6 +164,8 @@ def seconds_since_start(
             f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts {counts}; "
             f"say which with «units» time=UNIT"
         )
+    elif long:
+        findings.append(finding("whole-seconds", path, column=column, usual_s=usual, span_s=float(gone[-1])))
     elif too_fast:
         findings.append(_unclear(path, column, usual, float(gone[-1]), "d", factor))
     elif by_column is None:
@@ -186,11 +190,22 @@ def seconds_since_start(
     return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
 
 
+def _is_whole(values: Array) -> bool:
+    return bool(np.all(values[:100_000] == np.floor(values[:100_000])))
+
+
+def _is_round(rate_hz: float) -> bool:
+    """Whether a rate is 1, 2, 2.5, 4 or 5 times a power of ten, as people set it."""
+    first = rate_hz / 10 ** math.floor(math.log10(rate_hz) + 1e-3)
+    return any(math.isclose(first, one, rel_tol=2e-3) for one in (1, 2, 2.5, 4, 5))
+
+
 def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
     """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
     span, too_fast = float(gone[-1]), 0 < usual < 1.0 / FASTEST_HZ
-    whole = usual >= 1.0 and bool(np.all(gone[:100_000] == np.floor(gone[:100_000])))
+    whole = usual >= 1.0 and _is_whole(gone)
     brief = 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S
+    too_fast |= brief and not _is_round(1 / usual) and _is_round(1 / usual / 60)  # 100 rows a second, in minutes
 
     def off(unit: str) -> float:  # from a hundred samples a second, and from a minute in all
         return sum(abs(math.log(size * TIME_FACTORS[unit])) for size in (usual / 0.01, span / 60))

@@ -28,7 +28,7 @@ PLAIN = ReadOptions()
 # Options that do nothing on a dataset, whose columns are known
 OF_COLUMNS = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz")
 UNIT_STEPS = (60.0, 3600.0, 86_400.0, 1e3, 1e6, 1e9)  # Factors between units of time
-SECONDS_ASSUMED = {"unit-assumed", "time-unclear", "time-doubtful"}
+SECONDS_ASSUMED = {"unit-assumed", "time-unclear", "time-doubtful", "whole-seconds"}
 
 
 def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:

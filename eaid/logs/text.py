@@ -1,6 +1,6 @@
 """Text logs: CSV in its many dialects, plain or gzipped: encoding, marks, header, units row, comment lines.
 
-They are read piece by piece, by Arrow's parser where every cell is a plain finite number, else cell by cell. Wall-clock
+They are read piece by piece, by pandas' parser where every cell is a plain finite number, else cell by cell. Wall-clock
 stamps (`2024-10-29 16:18:17.123`, `16:18:17,5`) become seconds; an offset from UTC counts. LabVIEW's measurement files
 (.lvm) say their dialect in their header.
 """
@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.errors import DataError
-from eaid.logs.cells import COMMENT, by_arrow, cell_by_cell
+from eaid.logs.cells import COMMENT, at_once, cell_by_cell
 from eaid.logs.clocks import CLOCK_STAMP, seconds_of
 from eaid.logs.table import BadCell, Cells, Table, with_times
 from eaid.logs.units import unit_of
@@ -368,7 +368,7 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
                 quoted = " ".join(re.findall(r'"[^"]*"', body)) if dialect.marks.delimiter == "," else body
                 decimal = _DECIMAL.search(quoted) is not None
             body = dialect.marks.parted(body)
-            cells = by_arrow(body, dialect, columns, first) or cell_by_cell(body, dialect, columns, first)
+            cells = at_once(body, dialect, columns, first) or cell_by_cell(body, dialect, columns, first)
             bad.extend(replace(one, row=one.row + count) for one in cells.bad)
             rows.extend((sample + count, row) for sample, row in cells.rows)
             count += len(cells.values[0])

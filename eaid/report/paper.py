@@ -18,7 +18,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.report.figures.replays import tracking_panels
 from eaid.report.figures.residuals import residuals
@@ -49,73 +48,29 @@ def look() -> Iterator[None]:
 def figure_of(sheet: Sheet, mark: str = "") -> Figure:
     """A figure, drawn, a mark below all its panels; under `look`."""
     rows = -(-len(sheet.panels) // sheet.columns)
-    figure = Figure(figsize=(sheet.width_in, sheet.height_in))
+    figure = Figure(figsize=(sheet.width_in, sheet.height_in), layout="constrained")
     FigureCanvasAgg(figure)
-    grid = figure.subplots(rows, sheet.columns, squeeze=False, sharex="col" if sheet.shared else False)
-    rooms = np.zeros((rows, sheet.columns, 4))
+    grid = figure.subplots(
+        rows, sheet.columns, squeeze=False, sharex="col" if sheet.shared else False,
+        height_ratios=sheet.ratios or None, width_ratios=sheet.widths or None,
+    )  # fmt: skip
     for k, (axes, panel) in enumerate(zip(grid.flat, sheet.panels, strict=False)):
         lowest = not sheet.shared or k + sheet.columns >= len(sheet.panels)
         draw(axes, panel, x_label=lowest)
         letter = f"({'abcdefghi'[k]}) " * (sheet.lettered and len(sheet.panels) > 1)
         axes.set_title(**_text(f"{letter}{panel.title}".rstrip()))
-        rooms[k // sheet.columns, k % sheet.columns] = _room(axes, panel, lowest)
     named = next((k for k, panel in enumerate(sheet.panels) if panel.legend == "over"), None)
-    over = 0.0
     if named is not None:
         handles, labels = grid.flat[named].get_legend_handles_labels()
-        columns = sheet.panels[named].columns
-        figure.legend(handles, labels, loc="upper right", ncols=columns)
-        over = 0.05 + LINE_IN * -(-len(labels) // columns)
+        figure.legend(handles, labels, loc="outside upper right", ncols=sheet.panels[named].columns)
     if mark:
         said = f"\N{WARNING SIGN} {mark}"
-        figure.text(0.5, 0.02, said, ha="center", fontsize=SMALLEST_PT, fontweight="bold", color=VERMILLION)
-    _place(grid, sheet, rooms, over, LINE_IN if mark else 0.0)
+        figure.supxlabel(said, fontsize=SMALLEST_PT, fontweight="bold", color=VERMILLION)
     for axes, panel in zip(grid.flat, sheet.panels, strict=False):
         _name_ends(axes, panel)
     for axes in grid.flat[len(sheet.panels) :]:
         axes.set_visible(False)
     return figure
-
-
-# Width of a digit and height of a line at 8 pt, length of a tick and its space [in]
-DIGIT_IN, LINE_IN, TICK_IN = 0.071, 0.167, 0.1
-
-
-def _room(axes: Axes, panel: Panel, lowest: bool) -> tuple[float, float, float, float]:
-    """What a panel needs left, right, below and above its axes [in]: matplotlib's layouts draw each text twice."""
-    left = right = below = 0.05
-    low, high = sorted(axes.get_ylim())
-    said = axes.yaxis.get_major_formatter().format_ticks([y for y in axes.get_yticks() if low <= y <= high])
-    left += TICK_IN + DIGIT_IN * max((len(text) for text in said), default=0)
-    left += LINE_IN * len(axes.get_ylabel().splitlines())
-    if lowest:
-        below, right = below + TICK_IN + 0.08, right + 0.1
-    below += LINE_IN * bool(axes.get_xlabel())
-    beside = [line.end for line in panel.lines if line.end]
-    beside += [note.text for note in panel.notes if note.x > 1 and note.of in ("x", "xy")]
-    if beside:
-        right += 0.1 + DIGIT_IN * max(len(line) for text in beside for line in text.splitlines())
-    names = [text for text in axes.get_legend_handles_labels()[1] if panel.legend in ("above", "beside")]
-    if panel.legend == "beside":
-        right += 0.4 + DIGIT_IN * max(map(len, names))
-    lines = -(-len(names) // panel.columns) if panel.legend == "above" else 0
-    lines = max(lines, bool(axes.get_title(loc="left")), any(note.y > 1 for note in panel.notes if note.of))
-    return left, right, below, 0.08 + LINE_IN * lines
-
-
-def _place(grid: Any, sheet: Sheet, rooms: Array, over_in: float, under_in: float) -> None:
-    """Set the axes of a sheet between what they need, their sizes in its ratios."""
-    rows, columns = grid.shape
-    left, right = rooms[:, :, 0].max(axis=0), rooms[:, :, 1].max(axis=0)
-    below, above = rooms[:, :, 2].max(axis=1), rooms[:, :, 3].max(axis=1)
-    shares = [np.array(given or (1.0,) * n) for given, n in ((sheet.widths, columns), (sheet.ratios, rows))]
-    widths = shares[0] / shares[0].sum() * (sheet.width_in - (left + right).sum())
-    heights = shares[1] / shares[1].sum() * (sheet.height_in - over_in - under_in - (below + above).sum())
-    x = np.cumsum(left + right + widths) - right - widths
-    y = sheet.height_in - over_in - np.cumsum(below + above + heights) + below
-    for (row, column), axes in np.ndenumerate(grid):
-        place = x[column] / sheet.width_in, y[row] / sheet.height_in
-        axes.set_position((*place, widths[column] / sheet.width_in, heights[row] / sheet.height_in))
 
 
 def draw(axes: Axes, panel: Panel, x_label: bool = True) -> None:

@@ -190,10 +190,11 @@ def values(fit: "Fit") -> list[list[str]]:
             for one in _three(steps)
         ]  # fmt: skip
     else:
-        heading = [f"level [{data.input_unit}]", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"]
+        names = list(SYMBOLS)[: 2 if plant is not None and plant.kind == "lag" else 3]
+        heading = [f"level [{data.input_unit}]", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"][: len(names) + 1]
         levels: Sequence[CurveLevel | FrictionLevel] = fit.level_values
         asked = any(row.ci95 is not None for row in levels)
-        rows = [[f"{row.level:.4g}", *(_value(row, name, asked) for name in SYMBOLS)] for row in _three(levels)]
+        rows = [[f"{row.level:.4g}", *(_value(row, name, asked) for name in names)] for row in _three(levels)]
     return [heading, *rows] if rows else []
 
 

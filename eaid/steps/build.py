@@ -87,7 +87,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
     if options.apparatus is None and len(rigs) > 1:
         raise DataError("the datasets are of different rigs; fit them apart")
     apparatus = options.apparatus or next(iter(rigs), None) or rig_of(kind, input_unit, output_unit)
-    fraction = (finding("duty-may-be-fraction", "data"),) if input_unit == "%" else ()
+    fraction = (finding("duty-may-be-fraction", "data"),) if input_unit == "%" and "input" not in options.units else ()
     if not cut_steps:
         small = all(float(np.abs(run.input).max()) <= 1 for run in recorded)
         return StepSet(kind, input_unit, output_unit, apparatus, (), findings=fraction if small else ())

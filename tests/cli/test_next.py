@@ -21,9 +21,11 @@ FIRST = {
     "unknown rig": ["fit log.csv"],
     "between levels": ["fit levels.csv"],
     "overshoot": ["fit slips"],
+    "another share": ["fit shares"],
 }
 """What each chain begins with; everything else is as it was printed."""
-QUICK = ("in % and N·m", "force")
+SLOW = ("a staircase",)
+FASTER = {"plan": ["--no-check"], "report": ["--figures", "fig07,fig03"]}
 OTHERS = {
     "another clutch": (
         "fit RIGS/clutch --columns 'time=Time,output=\"Load Cell\"' --units time=us,output=N "
@@ -58,17 +60,19 @@ def make(name):
         write(Path("log.csv"), "t,u,y", T, np.repeat([0.0, 5, 1, 7, 2, 8, 0, 4], 50), follows)
     elif name == "between levels":
         write(Path("levels.csv"), "time [s],drive [V],force [N]", T, drive, follows)
-    elif name == "overshoot":
+    elif name in ("overshoot", "another share"):
+        two = sum(part * -np.expm1(-np.maximum(T - 2, 0) / tau) for part, tau in ((0.6, 0.2), (0.4, 1.5)))
+        slips = RISE * np.where(T > 3, 1 - 0.3 * -np.expm1(-(T - 3) / 0.5), 1)
         for volts in (20, 40, 60, 80):
-            slip = np.where(T > 3, 1 - 0.3 * -np.expm1(-(T - 3) / 0.5), 1)
-            for repeat in (1, 2):
-                file = Path(f"slips/{volts}V-{repeat}.csv")
-                write(file, "time_s,voltage_v,force_n", T, np.where(T >= 2, volts, 0.0), volts / 20 * RISE * slip)
+            for repeat in (1, 2, 3):
+                file = Path(f"{'slips' if name == 'overshoot' else 'shares'}/{volts}V-{repeat}.csv")
+                output = slips if name == "overshoot" else (1 + 0.01 * repeat) * two
+                write(file, "time_s,voltage_v,force_n", T, np.where(T >= 2, volts, 0.0), volts / 20 * output)
 
 
 def printed(ran):
     """Commands that a call names, in the order in which it names them."""
-    return re.findall(r"^(?:.*next(?:: |   )|try: )(eaid .*)", ran.out + ran.err, re.M)
+    return re.findall(r"^(?:.*next(?:: |   )(?:.*; as it is: )?|try: )(eaid .*)", ran.out + ran.err, re.M)
 
 
 def run_chain(lines, run_eaid, least):
@@ -81,10 +85,9 @@ def run_chain(lines, run_eaid, least):
         if words in done or count[words[0]] > 3:
             continue
         done.append(words)
-        quick = ["--no-check"] if words[0] == "plan" else []
         anywhere = "-o" in words and os.path.isabs(words[words.index("-o") + 1])
         with contextlib.chdir("/" if anywhere else "."):
-            ran = run_eaid(*words, *quick, "--force")
+            ran = run_eaid(*words, *FASTER.get(words[0], []), "--force")
         asks = ran.code == 3 and "\ntry: eaid " in ran.err
         assert ran.code == 0 or asks, (words, ran.err)
         waiting += printed(ran)
@@ -95,14 +98,13 @@ def run_chain(lines, run_eaid, least):
     return done
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in FIRST]
-)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in FIRST])
 def test_what_is_printed_runs(name, run_eaid, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make(name)
     friction = name in ("force", "speed")
-    run_chain(FIRST[name], run_eaid, "fit report" if friction else "fit tune-rc simulate report export")
+    done = run_chain(FIRST[name], run_eaid, "fit report" if friction else "fit tune-rc simulate report export")
+    assert ("--share" in done[1]) == (name == "another share")
 
 
 def test_options_of_a_design_stay_in_what_mends_it(by_hand, run_eaid):

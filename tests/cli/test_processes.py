@@ -15,7 +15,7 @@ import pytest
 EAID = [sys.executable, "-m", "eaid"]
 SHORT = ["synth", "--levels", "50", "--repeats", "1", "-q", "--force", "-o"]
 INTERRUPTED = "error: interrupted; nothing half-written is left\n"
-HEAVY = {"numpy", "scipy", "pandas", "h5py", "matplotlib", "numba", "jinja2", "bokeh", "polars", "pyarrow"}
+HEAVY = {"numpy", "scipy", "pandas", "h5py", "matplotlib", "numba", "jinja2", "bokeh", "polars"}
 LOADED = """
 import json, sys
 from eaid.cli.main import run
@@ -43,7 +43,7 @@ def test_help_and_version_import_nothing_heavy():
     assert "typer" in found and found & HEAVY == set()
 
 
-TABLES, DRAWING = {"pandas", "pyarrow", "polars"}, {"matplotlib", "bokeh", "jinja2"}
+TABLES, DRAWING = {"pandas", "polars"}, {"matplotlib", "bokeh", "jinja2"}
 
 
 @pytest.mark.slow
@@ -52,7 +52,7 @@ TABLES, DRAWING = {"pandas", "pyarrow", "polars"}, {"matplotlib", "bokeh", "jinj
     [
         ("ingest -q data.h5 -o again.h5", DRAWING | {"numba"}),
         ("fit -q data.h5 -o f.json", TABLES | DRAWING | {"numba"}),
-        ("fit -q logs -o f.json", {"pandas"} | DRAWING | {"numba"}),
+        ("fit -q logs -o f.json", DRAWING | {"numba"}),
         ("tune-rc -q fit.json -o k.json", DRAWING),
         ("simulate -q fit.json --gains gains.json -o r.h5", DRAWING),
         ("plan -q fit.json --want Ts=20,tau1=40,tau2=80 --no-check -o p.csv", DRAWING),

@@ -29,6 +29,8 @@ def at(times: Any, name: str = "time", torque: str = "torque_nm", **more: Any) -
         (0, 1 / 5_100_000, "time_s", None, 1, "time-unclear d"), (0, 1 / 5_100_000, "time", "s", 1, ""),
         (0, 0.1, "time_ns", None, 1e-9, "time-unclear d"),
         (0, 0.01, "Time [us]", None, 1e-6, ""), (0, 1, "time", None, 1, "time-doubtful ms"),
+        (0, 1 / 6000, "t", None, 1, "time-unclear h"), (0, 10, "Time [s]", None, 1, ""),
+        (0, 11, "Time [s]", None, 1, "whole-seconds"), (0, 11, "Time [s]", "ms", 1e-3, ""),
         (0, 62, "time", None, 1, "time-unclear ms"), (0, 501, "time", None, 1, "time-unclear us"),
         (0, 5.1e5, "time", None, 1, "time-unclear ns"), (0.5, 62, "time", None, 1, "time-unclear ms"),
         (1.2e9, 5000, "time", None, 1, "time-unclear us"), (4e9, 74, "time", None, 1, ""),

@@ -291,6 +291,32 @@ def test_columns_without_a_name_that_says_it_are_proposed(name, run_eaid, tmp_pa
         assert [one.level for one in eaid.read("data.h5").levels] == [9.0]
 
 
+def test_columns_of_an_array_file_are_proposed_as_those_of_a_text(run_eaid, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("log.npy", np.stack([T, STEP, SPEED], axis=1))
+    ran = run_eaid("ingest", "log.npy")
+    proposed = "ingest log.npy --columns time=1,input=2,output=3"
+    assert (
+        ran.code == 3 and ran.err.splitlines()[-1] == f"try: eaid {proposed}" and run_eaid(*proposed.split()).code == 0
+    )
+
+
+def test_what_one_reading_option_mends_is_asked_before_any_fit(run_eaid, tmp_path, monkeypatch):
+    """Rows far out, a duty that may be a fraction; a fit is not begun, and is made where the option is given."""
+    monkeypatch.chdir(tmp_path)
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(T))
+    (tmp_path / "log.csv").write_text(
+        text("time_s,duty_cycle,force_n", T, STEP / 10, np.where(np.arange(len(T)) == 300, 90.0, SPEED + noise))
+    )
+    monkeypatch.setattr("eaid.levels.workflow.fit_steps", lambda *_: pytest.fail("was fitted"))
+    ran = run_eaid("fit", "log.csv")
+    assert ran.code == 3 and all(word in ran.err for word in ("--repair drops", "--units input=fraction", "input=%"))
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    ran = run_eaid("fit", "log.csv", "--repair", "--units", "input=fraction")
+    assert ran.code == 0 and "fraction of 1" not in ran.err and "held   at 90 %" in ran.out
+
+
 @pytest.mark.parametrize(
     ("names", "pattern"),
     [

@@ -107,7 +107,7 @@ PART = "may not be the whole level"
 ODD: dict[str, tuple[Any, ...]] = {
     # what is odd: how it is made, the formats, what comes of it: right, a code, or words of the refusal; and options
     "plain": (lambda log: log, ALL, "right"),
-    "time in minutes": (time("time", T / 60), ALL, DIFFERS),
+    "time in minutes": (time("time", T / 60), ALL, "say «units» time=min"),
     "time in hours": (time("time", T / 3600), ALL, "say «units» time=h"),
     "time in us with fractions": (time("time", 1e6 * T + 0.25 * np.sin(T)), ALL, "say «units» time=us"),
     "time in ms with fractions": (time("time", 1e3 * T + 0.25 * np.sin(T)), ALL, DIFFERS),

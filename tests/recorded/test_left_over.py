@@ -6,6 +6,7 @@ import pytest
 from scipy.signal import lfilter
 
 import eaid
+from eaid.errors import DataError
 
 T = np.arange(0.0, 40.0, 0.02)
 PLAIN = {"ci": "none", "model": ("nonlinear",), "shape": "one"}
@@ -61,14 +62,14 @@ def random_steps(seed: int, levels: tuple[float, ...]) -> np.ndarray:
     return np.repeat(np.random.default_rng(seed).choice(levels, len(T) // 75 + 1), 75)[: len(T)]
 
 
-@pytest.mark.parametrize(("code", "severity"), [("spikes", "stop"), ("output-renewed", "caution")])
-def test_rows_that_drop_out_and_a_sensor_slower_than_the_log_are_told(code: str, severity: str) -> None:
+def test_rows_that_drop_out_are_asked_about_before_any_fit_and_a_sensor_slower_than_the_log_is_told() -> None:
     random, u = np.random.default_rng(2), random_steps(2, (1.0, 2.0, 3.0))
     y = 5 + lagged(u, 2.0, 0.4) + 0.03 * random.normal(size=len(T))
-    made = {"spikes": np.where(random.random(len(T)) < 0.01, 0.0, y), "output-renewed": np.repeat(y[::8], 8)[: len(T)]}
-    fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": T, "u_V": u, "force_N": made[code]})), **PLAIN)
-    assert [one.severity for one in fit.findings if one.code == code] == [severity]
-    assert fit.verdict.usable == (severity != "stop")
+    spiked, renewed = np.where(random.random(len(T)) < 0.01, 0.0, y), np.repeat(y[::8], 8)[: len(T)]
+    with pytest.raises(DataError, match="stand far out of the record.*repair="):
+        eaid.fit(eaid.read(pd.DataFrame({"time_s": T, "u_V": u, "force_N": spiked})), ci="none")
+    fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": T, "u_V": u, "force_N": renewed})), **PLAIN)
+    assert "output-renewed" in {one.code for one in fit.findings} and fit.verdict.usable
 
 
 def test_a_force_that_drives_a_displacement_makes_no_friction_rig() -> None:

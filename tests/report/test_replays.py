@@ -42,9 +42,9 @@ def test_tables_say_what_the_replays_hold(whole: Any, files: dict[str, Path]):
         with h5py.File(files[f"{name}.h5"]) as file:
             return json.loads(file[controller].attrs["metrics"])
 
-    errors = [metrics("multisine", name)["max_abs_error_nm"] for name in ("rc", "pi")]
-    ((_said, *shown),) = (row for row in whole.numbers["Controllers"] if row[0].startswith("largest error"))
-    assert shown[:2] == [f"{errors[0]:.3g}", f"{errors[1]:.3g}"]
+    shown = {row[1]: row[2] for row in whole.rows("Errors of each controller") if row[0] == "sum of sines"}
+    for name, title in (("rc", "RC"), ("pi", "PI")):
+        assert shown[title] == f"{metrics('multisine', name)['max_abs_error_nm']:.3g}"
     overshoots = [one["overshoot_pct"] for one in metrics("steps")["steps"]]
     rows = [row for row in whole.rows("Each step") if row[0] == "RC"]
     assert [float(row[3].replace("–", "nan")) for row in rows] == pytest.approx(

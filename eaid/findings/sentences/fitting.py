@@ -201,6 +201,7 @@ ROWS: dict[str, Row] = {
         "one level only: nothing says how T_s, τ1 and τ2 change with the input; record more levels",
         rank=1,
         covers=("one-level-linear",),
+        first="record more levels",
     ),
     "few-levels-for-polynomials": caution(
         "{count:#level} pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
@@ -234,6 +235,7 @@ ROWS: dict[str, Row] = {
         "one run a level and too few levels to see run-to-run scatter: the intervals hold one run's own noise only and "
         "are too narrow; repeat each level three times",
         rank=0,
+        first="repeat each level three times",
     ),
     "single-runs": note(
         "one run a level: the scatter was taken from the levels' distance to the curve; trust the curve more than "
@@ -265,6 +267,7 @@ ROWS: dict[str, Row] = {
         "intervals belong to the held C, not to the rig; a drift and a sensor that is slow or at its end look so too: "
         "if it is none of these, refit with «share» {estimate:.3f}",
         rank=0,
+        refit="--share {estimate:.3f}",
     ),
     "joint-fit-parts": note(
         lambda v: (
@@ -281,6 +284,7 @@ ROWS: dict[str, Row] = {
         "are the loading of the stand; step the input on a stand that moves already",
         rank=-1,
         covers=("moves-with-step",),
+        first="record steps on a stand that moves already",
     ),
     "polynomials-too-low": note(
         lambda v: (
@@ -387,11 +391,13 @@ ROWS: dict[str, Row] = {
     ),
     "idle-not-seen": caution(
         "{subject}: the log never rests, so its idle output is not known apart from T_s; 0 is taken: begin the log "
-        "with a second at rest"
+        "with a second at rest",
+        first="begin the log with a second at rest",
     ),
     "rest-not-seen": caution(
         "{subject}: the log never rests: that T_s goes through rest in one curve is an assumption, from which the idle "
-        "output follows; what is known is how it changes between the inputs: begin the log with a second at rest"
+        "output follows; what is known is how it changes between the inputs: begin the log with a second at rest",
+        first="begin the log with a second at rest",
     ),
     "input-leaves-tau-open": caution(
         lambda v: (
@@ -433,7 +439,8 @@ ROWS: dict[str, Row] = {
     ),
     "loop-bias-unknown": caution(
         "{subject}: a closed loop whose law is not known: the bias of the direct fit cannot be told, and the intervals "
-        "leave it out; log the reference of a PI loop, or play an input of your own"
+        "leave it out; name the reference of a PI loop with «columns» reference=NAME, or log it, or play an input of "
+        "your own"
     ),
     "loop-direct": caution(
         "{subject}: its law is known, but the loop does not begin at rest, or the fit by its simulated input does not "

@@ -70,6 +70,13 @@ ROWS: dict[str, Row] = {
         "no unit is given for {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
         "s; if it counts another unit, say «units» time={likely}, or «rate_hz» if it counts samples"
     ),
+    "whole-seconds": caution(
+        lambda v: (
+            f"{v['column']} counts whole seconds, {v['usual_s']:.4g} a row: the log lasts {_lasts(v['span_s'])}; if it "
+            f"counts ms ({_lasts(v['span_s'] / 1e3)} in all), say «units» time=ms"
+        ),
+        always=True,
+    ),
     "time-unit-differs": stop(
         "no unit is given for its time, and its stamps lie {usual_s:.4g} apart, those of other logs {others_s:.4g}: "
         "they count in different units; say «units» time=UNIT and read those of each unit apart"
@@ -143,6 +150,7 @@ ROWS: dict[str, Row] = {
         "{samples:#row} stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
         "holds with them; «repair» drops such rows, up to 1 % of a log",
         "value",
+        refit="--repair",
     ),
     "gap": caution("gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)", "gap_s"),
     "step-in-gap": stop(
@@ -202,7 +210,7 @@ ROWS: dict[str, Row] = {
         "own_pct",
     ),
     "duty-may-be-fraction": caution(
-        "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction"
+        "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction, if it is in %, input=%"
     ),
     "level-to-level": note(
         "{steps} of {of} steps go from one level to another: each is fitted from its own start, apart from the steps "

@@ -61,7 +61,7 @@ ROWS: dict[str, Row] = {
         "levels and sessions are confounded: the sessions at {levels} {unit} share no level with the others, so what "
         "differs between levels may be the sessions; record a level of the others in each"
     ),
-    "several-sessions": caution(_one_of_several, always=True, rank=1),
+    "several-sessions": caution(_one_of_several, always=True, rank=1, first="fit each session by itself"),
     "for-this-mounting": note(
         "of one session: gains, guarantee and margins hold for this mounting; fits of three and more, held together by "
         "`eaid sessions`, tell what holds for the next"

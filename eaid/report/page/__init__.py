@@ -19,7 +19,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eaid.export.export import offered
-from eaid.findings import Finding
+from eaid.findings import Finding, advised
 from eaid.findings.finding import WORD, listed
 from eaid.report import live
 from eaid.report.page import summary
@@ -220,11 +220,7 @@ def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
     return _part("Controller", known, figures, tables, folds) if results.gains or figures or tables else None
 
 
-# Finding → what to do about it, which no command does
-BY_HAND = {
-    "rise-of-the-rig": "Record steps on a stand that moves already: τ1 and τ2 are its loading here",
-    "output-decays-under-hold": "Take peak, slip and held output as recorded (below): no plan mends what decays",
-}
+AS_RECORDED = "Take peak, slip and held output as recorded (below): no plan mends what decays"
 # Condition of the guarantee → the option by which tune-rc meets it
 MENDED = {"rho": "--b-hat minimax", "phi": "--phi data", "Q_M": "--reference multisine"}
 
@@ -238,10 +234,11 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
     if fit is None:
         return [("Fit the data", _line("fit", one, "-o", _unused(one, "fit.json"))) for one in results.data[:1]]
     usable, linear, told = fit.result.verdict.usable, fit.result.linear, {one.code for one in fit.result.findings}
-    steps = [(why, "") for code, why in BY_HAND.items() if code in told]
-    if "spikes" in told and fit.result.command and "--repair" not in fit.result.command:
-        line = _line("fit", *_typed(fit), "--repair", "-o", fit, "--force")
-        steps.append(("Fit without the rows that stand far out", line))
+    first, refit = advised(fit.result.findings, fit.result.command)
+    decays = "output-decays-under-hold" in told
+    steps = [(why[:1].upper() + why[1:], "") for why in (first, AS_RECORDED * decays) if why]
+    if refit and fit.result.command:
+        steps.append(("Fit again as the runs ask", _line("fit", *_typed(fit), *refit.split(), "-o", fit, "--force")))
     if linear is not None and not results.gains and usable and linear.a0 > 0 and linear.b0 > 0:
         steps.append(("Design the controllers", _line("tune-rc", fit, "-o", _unused(fit, "gains.json"))))
     given = next(iter(results.gains), None) if usable else None
@@ -257,7 +254,9 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
             line = _line("simulate", fit, given, "--scenario", "multisine", "-o", _unused(fit, "multisine.h5"))
             steps.append(("Try the controllers on the fitted model", line))
     # of other kinds nothing is planned, and what decays under hold no plan mends
-    planned = (fit.result.plant_ is None or fit.result.plant_.kind == "parallel") and not told & {*BY_HAND, "spikes"}
+    planned = (fit.result.plant_ is None or fit.result.plant_.kind == "parallel") and not (
+        decays or refit or "rise-of-the-rig" in told
+    )
     if planned and (fit.result.nonlinear is not None or fit.result.friction_levels):
         logs = ["--excitation"] if fit.result.recorded is not None else []
         why = "Plan what to record next: inputs, holds and repeats for narrower intervals"

@@ -12,14 +12,13 @@ from eaid.report.figures import replays, sessions, steps, values
 from eaid.report.figures.residuals import residuals
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import EXPERIMENT_NAMES, Results
-from eaid.report.rig import SCENARIO_NAMES, controller_name, level_text
-from eaid.report.tables import Cell, Table, columns
+from eaid.report.rig import level_text
+from eaid.report.tables import Table, columns
 from eaid.report.tables.data import distinct, is_warned
-from eaid.report.tables.gains import comparison, guarantee_story
-from eaid.report.tables.replays import metric
+from eaid.report.tables.gains import controllers_table, guarantee_story
+from eaid.report.tables.replays import errors_table
 from eaid.report.tables.sessions import next_table, promise_table, shifts_table
 from eaid.results import summary
-from eaid.results.gains import Replayed
 from eaid.results.replay import Replay
 from eaid.results.verdict import in_short
 from eaid.sessions.compare import CLAIMED
@@ -72,49 +71,12 @@ def tables(results: Results) -> tuple[Table, ...]:
         own = part is not None and len(results.main_fit.friction_levels) > 1
         whose = f"Each level's own; {curve}." if own else ""
         found.append(Table("Values with 95 % intervals", whose, columns(*heads), tuple(map(tuple, cells[1:]))))
-    return (*found, *_controllers(results))
-
-
-# Beside RC and the designed PI, where they were replayed alike: the PIs of RC's own margins
-EQUAL_PIS = {"equal_pi": "PI of RC's margins", "equal_pi_feedforward": "the same with RC's feedforward"}
-
-
-def _controllers(results: Results) -> Iterator[Table]:
-    """Errors in the replay shown, else in the one behind the gains, and least margins: each, and the PIs of RC's own
-    margins beside them."""
-    replay, gains = _replay_of(results), results.gains[0].result if results.gains else None
-    behind = gains.replayed if gains is not None else None
-    margins = gains.margins.worst if gains is not None and gains.margins is not None else {}
-    names, unit, where = ["rc", "pi"], gains.output_unit if gains is not None else "", behind and behind.reference
-    if replay is not None:
-        names = [name for name in names if name in replay.records] or list(replay.records)[:2]
-        unit, where = replay.head.output_unit, replay.head.scenario
-    both = names == ["rc", "pi"]
-    alike = list(EQUAL_PIS) if both and behind is not None and behind.equal_pi and _same(replay, behind) else []
-    rows: list[tuple[Cell, ...]] = []
-    for key, said in (("max_abs_error_nm", "largest error"), ("rms_error_nm", "RMS error")):
-        each = [metric(replay, name, key) if replay is not None else getattr(getattr(behind, name, None), key, None)
-                for name in names]  # fmt: skip
-        each += [getattr(getattr(behind, name), key, None) for name in alike]
-        said = f"{said} ({unit})" if unit else said
-        said = f"{said}, {SCENARIO_NAMES.get(where or '', where)}"
-        rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each)))
-    for key, said in (("gain_db", "least gain margin (dB)"), ("phase_deg", "least phase margin (°)")):
-        each = [getattr(margins.get(name), key, None) for name in names] if both else []
-        each += [getattr(getattr(behind, name), key, None) for name in alike]
-        rows.append((said, *(f"{one:.3g}" if one is not None else None for one in each)))
-    shown = tuple(row for row in rows if any(row[1:]))
-    if shown:
-        heads = columns("", *map(controller_name, names), *(EQUAL_PIS[name] for name in alike))
-        yield Table("Controllers", comparison(gains) if both and gains is not None else "", heads, shown)
-
-
-def _same(replay: Replay | None, behind: Replayed) -> bool:
-    """Whether the replay shown is the one behind the gains, which may be set beside it."""
-    if replay is None or behind.rc is None or behind.rc.max_abs_error_nm is None:
-        return replay is None
-    shown = metric(replay, "rc", "max_abs_error_nm")
-    return shown is not None and abs(shown - behind.rc.max_abs_error_nm) <= 1e-6 * behind.rc.max_abs_error_nm
+    if results.gains:
+        whole = controllers_table(results.gains[0].result)  # but for the gains themselves
+        rows = tuple((name, *others) for name, _gains, *others in whole.rows)
+        return (*found, replace(whole, columns=(whole.columns[0], *whole.columns[2:]), rows=rows))
+    replay = _replay_of(results)
+    return tuple(found) if replay is None else (*found, errors_table([replay]))
 
 
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}

@@ -31,7 +31,8 @@ CONDITION_ROWS = {
     "dead-time": ("dead time", "the plant answers at once, as the proof supposes",
                   "the proof knows no dead time, the plant has {a} {unit}"),
 }  # fmt: skip
-BEYOND_GAINS = {"duty-limit", "duty-floor", "dead-time"}  # Conditions that no gains meet
+# Condition that no gains meet → what they would have to mend
+BEYOND_GAINS = {"duty-limit": "the actuator's range", "duty-floor": "the actuator's range", "dead-time": "a dead time"}
 
 
 def called(condition: Condition) -> str:
@@ -69,12 +70,12 @@ def guarantee_story(gains: Gains) -> list[str]:
             why.append(f"no {called(row)} is enough")
     said = f"guarantee NO: {'; '.join(why)}"
     worst = gains.margins.worst.get("rc") if gains.margins is not None else None
-    beyond = [called(row) for name, row in rows.items() if name in BEYOND_GAINS]
+    beyond = dict.fromkeys(BEYOND_GAINS[name] for name in rows if name in BEYOND_GAINS)
     if worst is None or worst.phase_deg is None or not beyond:
         return [said]
     gain_margin = "" if worst.gain_db is None else f"gain margin {worst.gain_db:.3g} dB, "
     have = f"{gain_margin}phase margin {worst.phase_deg:.3g}°"
-    return [said, f"No gains mend the {' and the '.join(beyond)}; what you have: {have}"]
+    return [said, f"No gains mend {' or '.join(beyond)}; what you have: {have}"]
 
 
 # Row of the comparison → how it is called
@@ -117,7 +118,7 @@ def _as_safe(one: Compared, other: Compared) -> bool:
     return one.stable is not False and all(a is None or (b is not None and a >= b) for a, b in pairs)
 
 
-def _controllers(gains: Gains) -> Table:
+def controllers_table(gains: Gains) -> Table:
     """Controllers, their gains, least margins and largest errors: all that were compared, else those of the file."""
     errors, margins = gains.replayed, gains.margins or Margins()
     on = f" on the {errors.reference}" if errors is not None else ""
@@ -147,7 +148,7 @@ def _gains(name: str, held: Robust | PI | Mapping[str, float]) -> str:
 
 def tables_of(gains: Gains) -> list[Table]:
     """Controllers with their least margins and largest errors, what the guarantee needs, the gains, all margins."""
-    margins, controllers = gains.margins or Margins(), _controllers(gains)
+    margins, controllers = gains.margins or Margins(), controllers_table(gains)
     checklist = table_of(
         "What the guarantee needs", "The robust controller is proven stable only where every row holds.",
         conditions_of(gains),
