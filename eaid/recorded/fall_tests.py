@@ -32,7 +32,7 @@ WIDEST_HALF = 1e6  # Half-width beyond which there is no interval
 
 
 def seen(drives: tuple[Drive, ...], low: float, stepwise: bool, free: bool) -> tuple[str, ...]:
-    """Which of the three the inputs can tell: one that moves and is not free, but a loop's, tells none between levels."""
+    """Which of the three the inputs can tell: one that moves and is not free, but a loop's, tells none in between."""
     rests = falls = 0
     for drive in drives:
         level = drive.duty[drive.which]
