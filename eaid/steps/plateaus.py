@@ -7,6 +7,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
 from eaid.logs.run import Run
@@ -21,7 +22,8 @@ INPUTS_APART = {"%": 0.02}  # Part of the largest input by which two inputs diff
 MEASURED = 0.1  # … and a measured input wanders
 SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
 AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
-RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds
+RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds; fewer …
+LEFT_OVER = 0.03  # … where the next step begins on more than this part of what the one before has risen
 
 
 @dataclass(frozen=True)
@@ -125,8 +127,8 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
     """Whether a log is fitted as it was recorded, for its input does more than step from rest.
 
     It does where it moves most of the time, where a stretch under load goes through different inputs, where it goes to
-    both sides of rest or never comes to it, or where it falls to rest again and again with short rests. Runs whose
-    level or step instant was given, and cut steps, are steps.
+    both sides of rest or never comes to it, or where it falls to rest again and again with short rests, or with such as
+    the output does not come to rest in. Runs whose level or step instant was given, and cut steps, are steps.
     """
     if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
         return False
@@ -149,11 +151,24 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
     held = [level[a:b] for a, b in zip(starts, ends, strict=True)]
     if sum(int((np.abs(one - np.median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
         return not (len(holds) == 2 and still)  # two holds are a step
-    if len(starts) <= RETURNS:
-        return False
     lasts, rests = ends - starts, starts[1:] - ends[:-1]
+    if len(starts) < 2 or (len(starts) <= RETURNS and not begins_on_tails(run.output, starts, ends)):
+        return False
     quick = np.median(rests) < np.median(lasts) or 3 * rests.min() < lasts.max()
     return bool(quick and np.median(lasts) >= 5)
+
+
+def begins_on_tails(output: Array, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> bool:
+    """Whether most steps after the first begin on what the one before has left, by the output before the first."""
+    if starts[0] < FEWEST_HELD:
+        return False
+    noise, idle, left = sample_noise(output), float(output[: starts[0]].mean()), []
+    for start, end, following in zip(starts[:-1], ends[:-1], starts[1:], strict=True):
+        rows = max(1, (following - end) // 20)
+        tail = float(output[following - rows : following].mean()) - idle
+        size = float(output[end - max(1, (end - start) // 20) : end].mean()) - idle
+        left.append(tail / size if size and abs(tail) > 4 * noise * np.sqrt(1 / rows + 1 / starts[0]) else 0.0)
+    return median(left) > LEFT_OVER
 
 
 def end_of(output: Array, hold: Plateau) -> float:

@@ -300,3 +300,20 @@ def test_one_lag_and_an_overshoot_have_falls_of_their_own(C: float, tmp_path: Pa
     assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01) and fit.logs[0].fit_pct > 98
     assert {"falls-differ", "release-differs"} <= {one.code for one in fit.findings}
     assert any(point.falling for point in eaid.tune_rc(fit).margins.points)
+
+
+@pytest.mark.parametrize(("share", "rest_s"), [(0.85, 4.0), (0.75, 4.0), (0.85, 60.0)])
+def test_few_steps_in_one_log_that_begin_on_tails_are_fitted_as_recorded(share: float, rest_s: float) -> None:
+    """Rests of half of τ2: cut as steps from rest, T_s came out as a half and τ2 twice as long; a C other than 0.85 is
+    told, too. Behind long rests they are steps."""
+    truth, t = Plant((0.2,), (8.0,), (0.0, 0.04), (25.0, 100.0), share), np.arange(0.0, 2 + 4 * (18 + rest_s), 0.02)
+    place = np.floor((t - 2) / (18 + rest_s))
+    u = np.where((t >= 2) & (t - 2 - place * (18 + rest_s) < 18), 25.0 * (1 + place), 0.0)
+    y = respond(truth, t, u, t) + 0.02 * np.random.default_rng(3).normal(size=t.size)
+    fit = eaid.fit(eaid.read(pd.DataFrame({"time_s": t, "input_V": u, "force_N": y})))
+    assert (fit.recorded is not None) == (rest_s < 18)
+    found = fit.at(50.0)
+    for name, true, part in (("Ts", 2.0, 0.03), ("tau1", 0.2, 0.1), ("tau2", 8.0, 0.15)):
+        assert found.loc[name, "value"] == pytest.approx(true, rel=part)
+    assert fit.plant.C == pytest.approx(share, abs=0.01)
+    assert ("share-by-evidence" in {one.code for one in fit.findings}) == (share != 0.85)
