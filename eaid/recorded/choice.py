@@ -17,7 +17,7 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.curve_intervals import curves
-from eaid.recorded.fall_tests import tested, with_falls
+from eaid.recorded.fall_tests import seen, tested, with_falls
 from eaid.recorded.from_logs import Setup, Solved, finished, fit_setup, idle_found, plant_found, setup_of
 from eaid.recorded.inputs import MANY_LEVELS, Excited
 from eaid.recorded.kinds import (
@@ -95,8 +95,8 @@ def plant_of_logs(
     clutch = None
     if not signed:
         clutch = _of_the_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
-    seen, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
-    beyond = asked is not None and not seen.min() <= asked[0] < asked[1] <= seen.max()
+    inside, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
+    beyond = asked is not None and not inside.min() <= asked[0] < asked[1] <= inside.max()
     alone = not others and options.share == SHARE and not beyond  # another kind says nothing of inputs never seen
     # where no input ever changes, gain and idle output cannot be told apart
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
@@ -106,8 +106,8 @@ def plant_of_logs(
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
     late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
     search, rows, late = _kinds_behind(logs, late, inputs, options, rivals)
-    if clutch is not None and clutch.fell:
-        rows = with_own_falls(search, rows, clutch.fell)
+    if clutch is not None and falls:
+        rows = with_own_falls(search, rows, clutch, inputs)
     noted, logs, ended = logs, search.logs, rows[0]
     of_loops = any(log.reference is not None for log in logs)
     if clutch is not None:
@@ -192,10 +192,16 @@ def as_pair(solved: Solved) -> Solved | None:
     return finished(pair, [np.concatenate(begin)])
 
 
-def with_own_falls(search: Search, rows: Sequence[Tried], names: tuple[str, ...]) -> list[Tried]:
-    """Kinds with one lag having falls of its own, as the clutch has: the best and the simplest of it, for curves
-    imitate falls."""
+def with_own_falls(search: Search, rows: Sequence[Tried], clutch: Chosen, inputs: Excited) -> list[Tried]:
+    """Kinds with one lag having falls of its own where the clutch has, or leaves its τ2 to them: the best and the
+    simplest of it, for curves imitate falls."""
+    names = clutch.fell
+    if not names and rows[0].kind.name == "clutch" and not answers(clutch.solved, clutch.logs):
+        base = clutch.solved.setup
+        names = seen(base.drives, base.model.low, inputs.stepwise, free=True)
     lags = [one for one in rows if one.kind.law == "lag"]
+    if not names or lags[0].cost > AS_WELL * rows[0].cost:
+        return list(rows)
     both = lags[0], min(lags, key=lambda one: one.solved.setup.size)
     ended = [on_all(search, one, last=True) for one in both]
     fallen = [replace(one, solved=with_falls(one.solved, names)) for one in ended]

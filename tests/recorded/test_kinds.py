@@ -315,5 +315,5 @@ def test_few_steps_in_one_log_that_begin_on_tails_are_fitted_as_recorded(share: 
     found = fit.at(50.0)
     for name, true, part in (("Ts", 2.0, 0.03), ("tau1", 0.2, 0.1), ("tau2", 8.0, 0.15)):
         assert found.loc[name, "value"] == pytest.approx(true, rel=part)
-    assert fit.plant.C == pytest.approx(share, abs=0.01)
+    assert abs(fit.plant.C - share) < 0.01
     assert ("share-by-evidence" in {one.code for one in fit.findings}) == (share != 0.85)
