@@ -189,7 +189,7 @@ class Estimate:
         None where repeats do not part the one from the other, or a curve has as many coefficients as there are levels.
         """
         curve, relative, _ = self.curve_by_runs
-        if relative is None or len(self.levels) - self.Ts_terms < LEVELS_TO_SPARE or not curve.coefficients.any():
+        if relative is None or len(self.levels) <= self.Ts_terms or not curve.coefficients.any():
             return None
         assert self.model.Ts is not None
         D, Ts = self.model.Ts.rows(self.solved.steps.data.u), self.solved.at.theta[0]

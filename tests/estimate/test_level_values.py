@@ -236,12 +236,20 @@ def test_figures_draw_the_plant_of_another_kind_behind_its_dead_time() -> None:
     assert drawn[60.0](t) == pytest.approx(made[1].mean, abs=0.05) and abs(drawn[60.0](np.array([0.15]))[0]) < 1e-9
 
 
-def clutch_steps(share: float, scatter: float, noise: float, late_s: float = 0.0) -> StepSet:
-    """Seven levels of a rising T_s, two runs of each, every run with a gain of its own."""
+def clutch_steps(
+    share: float, scatter: float, noise: float, late_s: float = 0.0, off: dict[float, float] | None = None
+) -> StepSet:
+    """Levels of a rising T_s, two runs of each, every run with a gain of its own."""
     random, t = np.random.default_rng(4), np.arange(0.0, 16.0, 0.01)
     since, made = np.maximum(t - late_s, 0.0), []
-    for u in (40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0):
-        curve = 3e-4 * u * (u + 40) * (1 - share * np.exp(-since / 0.2) - (1 - share) * np.exp(-since / 5))
+    for u in (40.0, 50.0, 60.0, 70.0, 80.0, 90.0, 100.0) if off is None else off:
+        curve = (
+            3e-4
+            * (off or {}).get(u, 1.0)
+            * u
+            * (u + 40)
+            * (1 - share * np.exp(-since / 0.2) - (1 - share) * np.exp(-since / 5))
+        )
         runs = curve * (1 + scatter * random.standard_normal((2, 1))) + noise * random.standard_normal((2, t.size))
         made.append(Level(u, t, runs, (f"{u:g}",) * 2))
     return StepSet("clutch", "V", "N", Apparatus(), tuple(made))
@@ -258,3 +266,13 @@ def test_levels_that_runs_scatter_off_the_curve_stop_no_fit() -> None:
 def test_a_share_that_is_wrong_hides_no_dead_time(late_s: float) -> None:
     """C is 0.7 and held at 0.85: 0.071 for 0.05, and none for 0.1, behind which a PI of 40 dB was unstable."""
     assert eaid.fit(clutch_steps(0.7, 0.05, 0.12, late_s)).dead_time_s == pytest.approx(late_s, abs=3e-3)
+
+
+def test_one_level_more_than_the_curve_has_coefficients_tells_that_levels_scatter() -> None:
+    """The fourth of five is a fifth high: the cubic gave the third 11 % too much and the fourth 9 % too little, narrow."""
+    off = {20.0: 1.0, 40.0: 1.0, 60.0: 1.0, 80.0: 1.2, 100.0: 1.0}
+    fit = eaid.fit(clutch_steps(0.85, 0.02, 0.02, off=off))
+    for u, high in off.items():
+        value, low, end = fit.at(u).loc["Ts"]
+        assert low < 3e-4 * u * (u + 40) * high < end and value == pytest.approx(3e-4 * u * (u + 40) * high, rel=0.03)
+    assert "levels-scatter" in {one.code for one in fit.findings}
