@@ -19,7 +19,7 @@ COMMENT = ("#", "%", "//")
 def at_once(body: str, dialect: "Dialect", columns: Sequence[int], line: int) -> Cells | None:
     """The columns of a piece by pandas' parser; None where anything in them is not a plain finite number, or a row is
     longer or shorter than the first."""
-    if not set(columns).isdisjoint(dialect.stamps) or '"' in body:
+    if not set(columns).isdisjoint(dialect.stamps):
         return None
     marks = dialect.marks
     if marks.delimiter is None:  # cells stand apart by one blank each
@@ -28,13 +28,14 @@ def at_once(body: str, dialect: "Dialect", columns: Sequence[int], line: int) ->
     first = body.partition("\n")[0].split(between)
     data = f"{body}\n".encode()
     signs = np.frombuffer(data, dtype=np.uint8)
-    ends = signs[(signs == ord(between)) | (signs == ord("\n"))] == ord("\n")  # of cells: which end a row
-    if len(first) < dialect.count or len(ends) % len(first) or ends.sum() != len(ends) // len(first):
-        return None
-    if not ends[len(first) - 1 :: len(first)].all():
+    between_cells = (signs == ord(between)) | (signs == ord("\n"))
+    ends = signs[between_cells] == ord("\n")  # of cells: which end a row
+    quoted = '"' in body and (np.cumsum(signs == ord('"'))[between_cells] % 2).any()  # what parts no cells
+    even = len(first) >= dialect.count and ends.sum() * len(first) == len(ends)
+    if quoted or not even or not ends[len(first) - 1 :: len(first)].all():
         return None
     # more than a float surely holds: stamps in ns stay whole
-    kinds = {i: np.int64 if first[i].isdigit() and len(first[i]) > 15 else np.float64 for i in columns}
+    kinds = {i: np.int64 if len(one := first[i].strip('" ')) > 15 and one.isdigit() else np.float64 for i in columns}
     try:
         table = pandas.read_csv(
             io.BytesIO(data), sep=between, decimal=marks.decimal, header=None, usecols=list(kinds), dtype=kinds,

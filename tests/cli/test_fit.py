@@ -137,3 +137,5 @@ def test_the_first_screen_of_three_logs_says_whose_the_rise_is_and_what_to_do(lo
     assert "single runs few levels" in usable and "asks for another C" not in ran.out + ran.err
     (first,) = [one for one in told if one.startswith("warning: the r")]
     assert ("refit with --share 0.7" in first, "the rise is the rig's" in first) == (not loaded, loaded)
+    advice = "record steps on a stand that moves already" if loaded else "repeat each level three times"
+    assert ran.out.splitlines()[-1] == f"next   {advice}; as it is: eaid tune-rc {tmp_path / 'fit.json'}"
