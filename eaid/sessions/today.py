@@ -94,12 +94,11 @@ def _steps(rig: Rig, shown: Fit, name: str) -> Known:
     own = {one.level: (one.value, one.sd_log) for one in values_of(shown, name, "")}
     repeats = dict(zip(shown.data.levels, shown.data.repeats, strict=False))
     if name in ("Ts", *RESPONSES):  # of one run there may be no interval
-        seen = {row.level: getattr(row, name) for row in (shown.responses if name in RESPONSES else shown.level_values)}
+        rows: Sequence[Any] = shown.responses if name in RESPONSES else shown.level_values
+        seen = {row.level: getattr(row, name) for row in rows}
         own = {u: own.get(u, (value, 0.0)) for u, value in seen.items() if value is not None and value > 0}
-    of_a_run = rig.quantities[name].sd_step
-    return steps_known(
-        (u, value, max(of_a_run / max(repeats.get(u, 1), 1) ** 0.5, sd)) for u, (value, sd) in own.items()
-    )
+    of_runs = {u: rig.quantities[name].sd_step / max(repeats.get(u, 1), 1) ** 0.5 for u in own}
+    return steps_known((u, value, max(of_runs[u], sd_log)) for u, (value, sd_log) in own.items())
 
 
 def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
@@ -170,10 +169,8 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
     own_curves = {name: getattr(model, name) for name in CURVES_ORDER} | curves
     kept = {name: getattr(model, name) for name in ("C", "solver", "estimator")}
     plain = parts.Nonlinear(**own_curves, **kept, u_range=u_range, Ts_through=through)
-    each = [_at(foreseen, CURVES_ORDER, k) for k in range(len(rows))]
-    shown = [
-        parts.CurveLevel(row.level, **of, ci95=LevelIntervals(**ci)) for row, (of, ci) in zip(rows, each, strict=True)
-    ]
+    each = [(row.level, *_at(foreseen, CURVES_ORDER, k)) for k, row in enumerate(rows)]
+    shown = [parts.CurveLevel(u, **values, ci95=LevelIntervals(**ends)) for u, values, ends in each]
     degrees = {name: float(np.median(foreseen[name].dof)) if name in foreseen else MANY for name in CURVES_ORDER}
     return replace(base, nonlinear=with_intervals(plain, shown, block_diag(*blocks.values()), degrees))
 
