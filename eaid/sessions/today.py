@@ -70,8 +70,8 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     own = {"sources": shown.data.sources, "inputs": shown.data.inputs}
     data = replace(base.data, **own, repeats=(), samples=(), replayed=())
     held = [] if "held" not in foreseen else [
-        LevelResponse(row.level, 0, **values, ci95=ResponseIntervals(ends.get("held"), ends.get("peak")))
-        for k, row in enumerate(rows) for values, ends in (_at(foreseen, RESPONSES, k),)
+        LevelResponse(u, 0, **values, ci95=ResponseIntervals(ends.get("held"), ends.get("peak")))
+        for k, u in enumerate(levels.tolist()) for values, ends in (_at(foreseen, RESPONSES, k),)
     ]  # fmt: skip
     told = ranked((*_told(rig, steps["Ts"], foreseen), *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
