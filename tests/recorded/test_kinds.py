@@ -117,8 +117,8 @@ def test_an_output_that_integrates_its_input_is_refused_by_name() -> None:
 
 def test_the_position_of_a_drive_in_its_loop_is_refused_as_an_integrator() -> None:
     """As EMPS: a carriage on a screw, 95 kg with viscous and dry friction, follows a path to and fro; by SciPy."""
-    t = np.arange(0, 16.0, 0.01)
-    knots = np.arange(0.0, 18.0)
+    t = np.arange(0, 24.0, 0.005)
+    knots = np.arange(0.0, 26.0)
     held = np.where(knots % 4 < 2, 0.0, 0.2) * np.random.default_rng(1).uniform(0.6, 1.2, len(knots))
     path = CubicSpline(knots, held, bc_type="clamped")
 
