@@ -217,6 +217,10 @@ def _kinds_behind(
     acting = [shifted(log, one.rows) for log, one in zip(logs, late, strict=True)]
     search = search_of(at_rest(acting, inputs), *inputs.ends, options.held_dead_time_s)
     rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
+    if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
+        shown = [since_known(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
+        if any(one is not log for one, log in zip(shown, logs, strict=True)):
+            return _kinds_behind(shown, late, inputs, options, rivals, passes - 1)
     found = _late_by(rows[0].solved, search.logs, late, options)
     without_lead = _instead_of_a_lead(search, rows, late, options)
     found = without_lead or found
@@ -224,6 +228,14 @@ def _kinds_behind(
         return search, rows, found
     moved = _kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
     return (search, rows, late) if without_lead and moved[1][0].cost > _by_noise(rows[0]) else moved
+
+
+def since_known(log: RecordedLog, dead_s: float) -> RecordedLog:
+    """A log that does not begin at rest, without the outputs at which an input from before it still acts."""
+    before = (log.time_s < log.time_s[0] + dead_s) & ~np.isnan(log.output)
+    if log.starts_idle or log.reference is not None or not before.any():
+        return log
+    return replace(log, output=np.where(before, np.nan, log.output))
 
 
 def _by_noise(best: Tried) -> float:

@@ -39,6 +39,7 @@ FINALISTS = 2  # Kinds that are compared with rivals
 PACES = (1, 2)  # Degrees of time constants over the input
 SLOW_PART = 0.4  # Of the longest log, up to which a slow part beside a fast one is no drift
 ENDLESS_TAU = 1e5  # Time constant of none, in records
+MOST_RECORDS = 20.0  # Of a lag's time constant, beyond which it is none
 INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
 
 
@@ -365,12 +366,14 @@ def resolved(one: Tried, search: Search) -> bool:
 
 
 def integrates(search: Search, best: Tried) -> bool:
-    """Whether the output's rate follows the input: its slowest lag outlasts the logs, and none at all explains them,
-    with one gain as well as that lag does with one."""
-    model, x = best.solved.setup.model, best.solved.coefficients
-    plant = model.parameters(x)
-    if plant.slowest_s(search.high) < search.longest_s:
+    """Whether the output's rate follows the input: its slowest lag outlasts the logs, and none at all explains them; or
+    lasts as none does, with a gain on each side of rest, as friction leaves one."""
+    plant = best.solved.setup.model.parameters(best.solved.coefficients)
+    records = plant.slowest_s(search.high) / search.longest_s
+    if records < 1:
         return False
+    if isinstance(best.solved.setup.model.Ts, Sides) and records > MOST_RECORDS:
+        return True
     endless = ENDLESS_TAU * search.longest_s
     theta = best.solved.fitted.dead_time(best.solved.x)
     fast = np.geomspace(0.6 * search.shortest_s, search.longest_s, GRID_TAUS)
@@ -379,11 +382,7 @@ def integrates(search: Search, best: Tried) -> bool:
         search.cost(theta, math.sqrt(tau * endless), (tau + endless) / (2 * math.sqrt(tau * endless)))
         for tau in fast.tolist()
     ]
-    own = 0.0
-    if best.kind in LAG_KINDS:
-        zeta = math.inf if model.kind == "lag" else float(x[model.slices[2]][0])
-        own = search.cost(theta, float(x[model.slices[1]][0]), zeta)
-    return min(costs) <= INTEGRATES * max(best.cost, own)
+    return min(costs) <= INTEGRATES * best.cost
 
 
 def few_rows(log: Copies) -> Drive:

@@ -23,7 +23,7 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.sessions.gather import CI, MANY, RESPONSES, Value, snapped, together, values_of
+from eaid.sessions.gather import MANY, RESPONSES, Value, foreseen, snapped, together, values_of
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import two_sided
 from eaid.shown import Plotted, pandas
@@ -198,11 +198,9 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     levels = sorted(a.keys() & b.keys())
     if not levels:
         return None
-    pairs = [(a[u], b[u]) for u in levels]
-    delta = np.log([x.value / y.value for x, y in pairs])
-    W, dof = np.array([([x.sd_log**2, y.sd_log**2], [x.dof, y.dof]) for x, y in pairs]).transpose(1, 0, 2)
-    V = W.sum(axis=1)
-    welch = np.minimum(V**2 / (W**2 / dof).sum(axis=1), MANY)
+    one_of, other_of = (np.array([(of[u].value, of[u].sd_log ** 2, of[u].dof) for u in levels]).T for of in (a, b))
+    delta, V = np.log(one_of[0] / other_of[0]), one_of[1] + other_of[1]
+    welch = np.minimum(V**2 / (one_of[1] ** 2 / one_of[2] + other_of[1] ** 2 / other_of[2]), MANY)
     weight = (1 / V) / (1 / V).sum()
     m, error, degrees = float(weight @ delta), float((1 / V).sum() ** -0.5), float(weight @ welch)
     Q, spare = float(((delta - m) ** 2 / V).sum()), len(levels) - 1
@@ -217,8 +215,7 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
 def _seen(fit: Fit, quantity: str, letter: str) -> list[Value]:
     """What a session has shown of a number: of one known by reference steps, at their levels only."""
     values, steps = values_of(fit, quantity, letter), {source.level for source in fit.data.sources}
-    foreseen = fit.uncertainty is not None and fit.uncertainty.ci == CI
-    return [one for one in values if one.level in steps] if foreseen else values
+    return [one for one in values if one.level in steps or not foreseen(fit)]
 
 
 def holm(p: Sequence[float]) -> list[float]:
@@ -236,11 +233,11 @@ def _retune(fit: Fit, gains: Gains) -> Retune:
     if fit.linear is None:
         raise DataError("the first fit holds no linear model, so no B; fit it with «model» linear too")
     B_m, B_M, kept = gains.rc.B_m, gains.rc.B_M, fit.linear.bounds.levels if fit.linear.bounds is not None else ()
-    rows = [row for row in fit.linear.per_level if row.B is not None and (row.level in kept or not kept)]
-    out = tuple(row.level for row in rows if not B_m <= (row.B or 0.0) <= B_M)
-    ends = [(row.level, row.B or 0.0, ci95_of(row, "B")) for row in rows]
+    rows = [
+        (row.level, row.B, ci95_of(row, "B"))
+        for row in fit.linear.per_level if row.B is not None and (row.level in kept or not kept)
+    ]  # fmt: skip
+    out = tuple(u for u, B, _ in rows if not B_m <= B <= B_M)
     # the range rests on a fit as good, so both ends are as open as this one's interval
-    sure = tuple(
-        u for u, B, one in ends if one and (B * (one[1] / B) ** 2**0.5 < B_m or B * (one[0] / B) ** 2**0.5 > B_M)
-    )
+    sure = tuple(u for u, B, ci in rows if ci and (B * (ci[1] / B) ** 2**0.5 < B_m or B * (ci[0] / B) ** 2**0.5 > B_M))
     return Retune(B_m, B_M, True if sure else None if out else False, sure or out)

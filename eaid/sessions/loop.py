@@ -97,11 +97,9 @@ def _rows(run: Run, record: Record, noise: float) -> tuple[Kept, ...]:
     error, top = np.abs(run.reference_nm - run.output), float(run.reference_nm.max())
     spread = record.metrics.plants.metrics if record.metrics.plants is not None else {}
     peak_of_noise = noise * float(np.sqrt(2 * np.log(len(error))))  # what the largest of so many samples lies off by
+    rms, largest = float(np.sqrt(max(np.mean(error**2) - noise**2, 0.0))), max(float(error.max()) - peak_of_noise, 0.0)
     rows = []
-    for key, name, recorded in (
-        ("rms_error_nm", "RMS error", float(np.sqrt(max(np.mean(error**2) - noise**2, 0.0)))),
-        ("max_abs_error_nm", "largest error", max(float(error.max()) - peak_of_noise, 0.0)),
-    ):
+    for key, name, recorded in (("rms_error_nm", "RMS error", rms), ("max_abs_error_nm", "largest error", largest)):
         one = spread.get(key)
         ends = (None, None) if one is None else (one.low, one.high)
         rows.append(Kept(name, recorded, getattr(record.metrics, key) or 0.0, *ends))

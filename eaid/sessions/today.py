@@ -69,7 +69,10 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     uncertainty = replace(base.uncertainty or parts.Uncertainty(), ci=CI, share=None, lack_of_fit=())
     own = {"sources": shown.data.sources, "inputs": shown.data.inputs}
     data = replace(base.data, **own, repeats=(), samples=(), replayed=())
-    held = [_response(u, k, foreseen) for k, u in enumerate(levels.tolist())] if "held" in foreseen else []
+    held = [] if "held" not in foreseen else [
+        LevelResponse(u, 0, **values, ci95=ResponseIntervals(ends.get("held"), ends.get("peak")))
+        for k, u in enumerate(levels.tolist()) for values, ends in (_at(foreseen, RESPONSES, k),)
+    ]  # fmt: skip
     told = ranked((*_told(rig, steps["Ts"], foreseen), *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
     replayed = () if isinstance(step, Fit) else of_own_logs(made, step.logs)
@@ -88,15 +91,14 @@ def _steps(rig: Rig, shown: Fit, name: str) -> Known:
     one level nothing: it is another number than that of all."""
     if name == "a0":
         return NO_STEPS
-    own = {one.level: one for one in values_of(shown, name, "")}
+    own = {one.level: (one.value, one.sd_log) for one in values_of(shown, name, "")}
     repeats = dict(zip(shown.data.levels, shown.data.repeats, strict=False))
-    rows = [(one.level, one.value) for one in own.values()]
     if name in ("Ts", *RESPONSES):  # of one run there may be no interval
-        seen = shown.responses if name in RESPONSES else shown.level_values
-        rows = [(row.level, value) for row in seen if (value := getattr(row, name)) is not None and value > 0]
-    single = {level: rig.quantities[name].sd_step / max(repeats.get(level, 1), 1) ** 0.5 for level, _ in rows}
-    known = {level: own[level].sd_log if level in own else 0.0 for level, _ in rows}
-    return steps_known([(level, value, max(single[level], known[level])) for level, value in rows])
+        rows: Sequence[Any] = shown.responses if name in RESPONSES else shown.level_values
+        seen = {row.level: getattr(row, name) for row in rows}
+        own = {u: own.get(u, (value, 0.0)) for u, value in seen.items() if value is not None and value > 0}
+    of_runs = {u: rig.quantities[name].sd_step / max(repeats.get(u, 1), 1) ** 0.5 for u in own}
+    return steps_known((u, value, max(of_runs[u], sd_log)) for u, (value, sd_log) in own.items())
 
 
 def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
@@ -116,20 +118,12 @@ def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
     return [*found, finding("kept-from-base", "sessions", parameters=kept)] if kept else found
 
 
-def _foreseen_at(foreseen: Foreseen, k: int) -> tuple[dict[str, float], LevelIntervals]:
-    """T_s, τ1 and τ2 at level k, as far as the sessions know them, and their intervals."""
-    known = {name: foreseen[name] for name in CURVES_ORDER if name in foreseen}
-    ends: dict[str, Any] = {name: tuple(one.ends[:, k].tolist()) for name, one in known.items()}
+def _at(foreseen: Foreseen, names: Sequence[str], k: int) -> tuple[dict[str, float], dict[str, Any]]:
+    """Of what the sessions know of some numbers: values at level k, and their ends, with the degrees of freedom."""
+    known = {name: foreseen[name] for name in names if name in foreseen}
+    ends = {name: tuple(one.ends[:, k].tolist()) for name, one in known.items()}
     dof = {name: float(one.dof[k]) for name, one in known.items()}
-    return {name: float(one.value[k]) for name, one in known.items()}, LevelIntervals(**ends, dof=dof)
-
-
-def _response(level: float, k: int, foreseen: Foreseen) -> LevelResponse:
-    """What level k is to hold, and its peak, as far as the sessions know them; no run has shown it."""
-    known = {name: foreseen[name] for name in RESPONSES if name in foreseen}
-    ends: dict[str, Any] = {name: tuple(one.ends[:, k].tolist()) for name, one in known.items()}
-    values = {name: float(one.value[k]) for name, one in known.items()}
-    return LevelResponse(level, 0, **values, ci95=ResponseIntervals(**ends))
+    return {name: float(one.value[k]) for name, one in known.items()}, {**ends, "dof": dof}
 
 
 def _with_levels(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
@@ -138,11 +132,11 @@ def _with_levels(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
         return base
     levels = []
     for k, row in enumerate(rows):
-        values, ends = _foreseen_at(foreseen, k)
+        values, ends = _at(foreseen, CURVES_ORDER, k)
         own = {name: values.get(name, getattr(row, name)) for name in CURVES_ORDER}
         own["tau2"] = max(own["tau1"], own["tau2"])
         C_f = row.C_f and row.C_f * own["Ts"] / row.Ts
-        levels.append(replace(row, **own, ci95=ends, C_f=C_f, **NOT_FITTED))
+        levels.append(replace(row, **own, ci95=LevelIntervals(**ends), C_f=C_f, **NOT_FITTED))
     return replace(base, friction=parts.Friction(base.friction.C, base.friction.over, tuple(levels)))
 
 
@@ -175,8 +169,8 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
     own_curves = {name: getattr(model, name) for name in CURVES_ORDER} | curves
     kept = {name: getattr(model, name) for name in ("C", "solver", "estimator")}
     plain = parts.Nonlinear(**own_curves, **kept, u_range=u_range, Ts_through=through)
-    each = [_foreseen_at(foreseen, k) for k in range(len(rows))]
-    shown = [parts.CurveLevel(row.level, **values, ci95=ends) for row, (values, ends) in zip(rows, each, strict=True)]
+    each = [(row.level, *_at(foreseen, CURVES_ORDER, k)) for k, row in enumerate(rows)]
+    shown = [parts.CurveLevel(u, **values, ci95=LevelIntervals(**ends)) for u, values, ends in each]
     degrees = {name: float(np.median(foreseen[name].dof)) if name in foreseen else MANY for name in CURVES_ORDER}
     return replace(base, nonlinear=with_intervals(plain, shown, block_diag(*blocks.values()), degrees))
 
