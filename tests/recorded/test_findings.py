@@ -177,7 +177,7 @@ def test_a_loops_law_is_found() -> None:
 @pytest.mark.parametrize("dead_rows", [0, 3])
 def test_a_loop_that_answers_noise_at_rest_is_fitted_by_instruments_behind_its_dead_time(dead_rows: int) -> None:
     """A PI that is on from the first row: its duty is never 0, and what it does answers the noise."""
-    random, n, dt = np.random.default_rng(5), 8000, 0.02
+    random, n, dt = np.random.default_rng(5), 4000, 0.02
     wanted = np.repeat(random.uniform(0.5, 3.5, n // 200), 200) * (np.arange(n) >= 150)
     duty, read, (x1, x2, integral) = np.zeros(n), np.zeros(n), (0.0, 0.0, 0.0)
     for k in range(n):
