@@ -16,12 +16,10 @@ from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 
+from ..conftest import codes
+
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
 PLAIN = eaid.FitOptions(model=("nonlinear",))
-
-
-def codes(fit) -> dict:  # type: ignore[no-untyped-def,type-arg]
-    return {one.code: one for one in fit.findings}
 
 
 def random_log(seed: int = 1, duration_s: float = 120.0, **changes: float) -> RecordedLog:
