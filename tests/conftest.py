@@ -53,6 +53,11 @@ GAINS: dict[str, Any] = {
 """The reference plant, the paper's linear model and its gains, as a script writes them into fit.json and gains.json."""
 
 
+def codes(result: Any) -> dict[str, Any]:
+    """Findings of a result by code."""
+    return {one.code: one for one in result.findings}
+
+
 def made_once(make: Made) -> Made:
     """A function that makes a thing of the same arguments once: results do not change."""
     held: dict[bytes, Any] = {}

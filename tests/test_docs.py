@@ -52,8 +52,8 @@ def results() -> dict[str, Any]:
     random = eaid.synth(excitation="random", rate_hz=20.0, shape={"duration_s": 40.0})
     days = [(f"s{k}", u, u * (1 + 0.1 * k), 0.01) for k in range(4) for u in (20.0, 60.0, 100.0)]
     return {
-        "fit.json": fit, "force.json": eaid.fit(force), "recorded.json": eaid.fit(random, shape="one"),
-        "gains.json": gains,
+        "fit.json": fit, "force.json": eaid.fit(force), "gains.json": gains,
+        "recorded.json": eaid.fit(random, shape="one"),
         "rig.json": eaid.sessions(pd.DataFrame(days, columns=["session", "level", "value", "sd_log"])),
         "compare.json": eaid.compare(fit, eaid.fit(eaid.synth(rate_hz=50.0, repeats=2, seed=1)), gains=gains),
         "couple.json": eaid.couple(fit, gains, torque=(1.0,), loops=("pi",), replay=False),

@@ -10,6 +10,8 @@ from scipy.signal import lfilter
 
 import eaid
 
+from ..conftest import codes
+
 TAU1, TAU2, RELEASE = 0.4, 3.0, 0.3
 
 
@@ -41,10 +43,6 @@ def held(levels: Any, hold_s: float, rate_hz: float, dead_s: float, tau1: float,
     changes = np.diff([gain(u) for u in levels], prepend=0.0)
     y = sum(change * rise(t - k * rows / rate_hz - dead_s, tau1, tau2) for k, change in enumerate(changes))
     return t, np.repeat(levels, rows), y
-
-
-def codes(result: Any) -> dict[str, Any]:
-    return {one.code: one for one in result.findings}
 
 
 def test_a_level_whose_tau2_is_open_keeps_its_torque_and_all_that_follows_goes_on() -> None:

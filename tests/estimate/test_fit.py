@@ -20,6 +20,8 @@ from eaid.plant.respond import from_rest
 from eaid.plant.steps import step_response, step_slopes
 from eaid.steps.stepset import Level, StepSet
 
+from ..conftest import codes
+
 Maker = Callable[..., StepSet]
 T = np.arange(2000) / 100
 
@@ -32,10 +34,6 @@ def steps_of(*rows: tuple[float, Any, Any], releases: tuple[Level, ...] = (), ki
 
 def quick(steps: StepSet, **options: Any) -> eaid.Fit:
     return eaid.fit(steps, ci="none", **options)
-
-
-def codes(found: eaid.Fit) -> dict[str, Any]:
-    return {one.code: one for one in found.findings}
 
 
 # NIST StRD, public domain: y = b1 (1 − e^(−b2 x)), which is one level of the linear model; certified b1, b2, their

@@ -13,9 +13,7 @@ from eaid.plant.dynamics import Step
 from eaid.plant.steps import step_response, step_slopes
 from eaid.steps.stepset import Level, StepSet
 
-
-def codes(found: eaid.Fit) -> set[str]:
-    return {one.code for one in found.findings}
+from ..conftest import codes
 
 
 @pytest.fixture(scope="module")

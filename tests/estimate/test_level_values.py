@@ -15,7 +15,7 @@ from eaid.report.figures.steps import nonlinear_curves
 from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
 
-from ..conftest import made_once
+from ..conftest import codes, made_once
 
 LEVELS = np.arange(10.0, 101.0, 10.0)
 OFF = {50.0: 0.8, 70.0: 1.1}  # T_s over the curve's, of levels that were recorded on another day
@@ -40,10 +40,6 @@ def fitted(
         outputs = np.array([step_response(one, t) + 0.01 * random.standard_normal(len(t)) for one in each])
         made.append(Level(u, t, outputs, tuple(f"{u:g}-{r}" for r in range(runs))))
     return eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"), **options)
-
-
-def codes(fit: Fit) -> set[str]:
-    return {one.code for one in fit.findings}
 
 
 def test_a_level_off_the_curve_keeps_its_own_value_everywhere() -> None:
@@ -269,7 +265,7 @@ def test_a_share_that_is_wrong_hides_no_dead_time(late_s: float) -> None:
 
 
 def test_one_level_more_than_the_curve_has_coefficients_tells_that_levels_scatter() -> None:
-    """The fourth of five is a fifth high: the cubic gave the third 11 % too much and the fourth 9 too little, narrow."""
+    """The fourth of five is a fifth high: the cubic gave the third 11 % too much, the fourth 9 too little, narrow."""
     off = {20.0: 1.0, 40.0: 1.0, 60.0: 1.0, 80.0: 1.2, 100.0: 1.0}
     fit = eaid.fit(clutch_steps(0.85, 0.02, 0.02, off=off))
     for u, high in off.items():

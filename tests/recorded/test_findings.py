@@ -16,12 +16,10 @@ from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
 
+from ..conftest import codes
+
 NOISE = replace(NONE, white_nm=0.006, coloured=0.01, coloured_s=0.3)
 PLAIN = eaid.FitOptions(model=("nonlinear",))
-
-
-def codes(fit) -> dict:  # type: ignore[no-untyped-def,type-arg]
-    return {one.code: one for one in fit.findings}
 
 
 def random_log(seed: int = 1, duration_s: float = 120.0, **changes: float) -> RecordedLog:
@@ -177,7 +175,7 @@ def test_a_loops_law_is_found() -> None:
 @pytest.mark.parametrize("dead_rows", [0, 3])
 def test_a_loop_that_answers_noise_at_rest_is_fitted_by_instruments_behind_its_dead_time(dead_rows: int) -> None:
     """A PI that is on from the first row: its duty is never 0, and what it does answers the noise."""
-    random, n, dt = np.random.default_rng(5), 8000, 0.02
+    random, n, dt = np.random.default_rng(5), 4000, 0.02
     wanted = np.repeat(random.uniform(0.5, 3.5, n // 200), 200) * (np.arange(n) >= 150)
     duty, read, (x1, x2, integral) = np.zeros(n), np.zeros(n), (0.0, 0.0, 0.0)
     for k in range(n):

@@ -10,11 +10,9 @@ from scipy.special import stdtrit
 
 import eaid
 
+from ..conftest import codes
+
 STEPS = {"nothing": [], "one": [(200, 0.200)], "two": [(150, 0.080), (200, 0.200)]}
-
-
-def codes(result):
-    return {one.code for one in result.findings}
 
 
 @pytest.mark.parametrize(
@@ -97,7 +95,7 @@ def test_fits_hold_together_as_their_values_do(fits, rig):
     dof = [row.ci95.dof["Ts"] for fit in fits.values() for row in fit.friction_levels]
     frame["sd_log"] /= stdtrit(dof, 0.975)
     pd.testing.assert_frame_equal(eaid.sessions(frame).next(), rig.next(), rtol=1e-6)
-    assert 0.1 < rig.main.sd.gain < 0.6 and codes(rig) <= {"session-carries-estimate", "trend-over-sessions"}
+    assert 0.1 < rig.main.sd.gain < 0.6 and codes(rig).keys() <= {"session-carries-estimate", "trend-over-sessions"}
 
 
 def test_too_few_sessions_are_refused(fits, table):
