@@ -4,7 +4,7 @@ Levels of torque are compared by means of blocks, so that noise and rotor ripple
 """
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -35,6 +35,7 @@ from eaid.steps.stepset import Level
 SETTLING_ROWS = 20  # Rows before one value, and after it, that tell whether an output came to rest there
 BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the numbers stand
 COARSE_STEPS = 25  # Steps of the sensor's resolution in a change below which its shape cannot be told
+FEWEST_CREEPS, CREEP_ERRORS, CREEP_PCT = 4, 6.0, 2.0  # Rises, standard errors of their slope, % of the least in a hold
 FLAT = 0.4  # Sharpness from which a rise is cut off and not settling
 CREEP = 0.002  # Share of its top by which a flat one may still creep over its last quarter
 SMOOTH_BLOCKS = 400
@@ -93,7 +94,7 @@ def _flat_top(step: Step) -> float | None:
 
 
 def sharpness(step: Step, ceiling: float) -> float:
-    """Slope of a rise within 5 % of a ceiling, times the time it took, over the ceiling, less its error.
+    """Slope of a rise within 5 % of a ceiling, times the time it took, over the ceiling, less three of its errors.
 
     An exponential has 0.15 to 0.2 there, a straight rise that is cut off 0.95; 0 of one of a few samples.
     """
@@ -111,7 +112,7 @@ def sharpness(step: Step, ceiling: float) -> float:
     noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
     error = noise * at / ceiling / np.sqrt(few * (few + 1) * (few + 2) / 12)
     times, near_top = block_means(step.time_s[:count], SMOOTH_BLOCKS), slice(at - few, at + 1)
-    return line(times[near_top], means[near_top]).slope * float(times[at]) / ceiling - float(error)
+    return line(times[near_top], means[near_top]).slope * float(times[at]) / ceiling - 3 * float(error)
 
 
 def stuck(step: Step) -> Finding | None:
@@ -286,6 +287,27 @@ def _drift(step: Step) -> Finding | None:
         return None
     share = 100 * abs(slope) / step.swing if step.swing > 0 else None
     return finding("idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share)
+
+
+def creeping(steps: Sequence[Step]) -> list[Finding]:
+    """Whether the outputs of rises creep alike while they idle, which the noise of each by itself may hide: the mean of
+    the slopes by its standard error, from how they scatter, where a hold makes much of it."""
+    known = [step for step in steps if len(step.idle) >= FEW_SAMPLES_CHECKED and step.swing > 0]
+    if len(known) < FEWEST_CREEPS:
+        return []
+    slopes = np.array([
+        step.sign * line(step.run.time_s[: step.start], step.idle).slope
+        for step in known
+    ])  # fmt: skip
+    slope, error = float(slopes.mean()), float(slopes.std(ddof=1) / np.sqrt(len(slopes)))
+    hold_s, least = median([float(step.time_s[-1]) for step in known]), min(known, key=lambda step: step.swing)
+    share = 100 * abs(slope) * hold_s / least.swing
+    if abs(slope) <= CREEP_ERRORS * error or share < CREEP_PCT:
+        return []
+    return [
+        finding("output-creeps", "data", (), slope=slope, unit=least.unit, count=len(known), share_pct=share,
+                worst=least.levels[0])
+    ]  # fmt: skip
 
 
 def _not_idle(step: Step) -> Finding | None:

@@ -347,3 +347,20 @@ def test_several_edges_of_an_output_without_input() -> None:
     y = sum(-np.expm1(-np.maximum(t - at, 0) / 0.3) for at in (5.0, 15.0, 25.0)) + white(4000, 0.005)
     with pytest.raises(DataError, match=r"3 edges, the first at 5\.\d+ s, the last at 25\.\d+ s: several steps"):
         read(pd.DataFrame({"time_s": t, "torque_nm": y}))
+
+
+@pytest.mark.parametrize("creep", [0.0, 0.01])
+def test_a_creep_that_each_rest_hides_is_told_by_all_and_noise_makes_no_flat_top(creep: float) -> None:
+    """2.5 % of the top in a hold: τ2 was a third too long, and the runs asked for another C."""
+    random, t = np.random.default_rng(6), np.arange(0.0, 12.0, 0.005)
+    since, logs = np.maximum(t - 2.0, 0.0), []
+    for u in np.repeat([20.0, 60.0, 100.0], 3):
+        torque = 0.04 * u * (1 - 0.85 * np.exp(-since / 0.3) - 0.15 * np.exp(-since / 4)) + creep * t
+        torque += 0.04 * random.standard_normal(len(t))
+        logs.append(pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 2.0, 0.0, u), "torque_nm": torque}))
+    fit = eaid.fit(logs, ci="none")
+    told = {one.code: one.values for one in fit.findings}
+    assert ("output-creeps" in told) == bool(creep) and "flat-topped" not in told
+    if creep:
+        assert told["output-creeps"]["slope"] == pytest.approx(creep, rel=0.2)
+        assert not any("the runs ask for C" in one for one in fit.warnings)

@@ -167,6 +167,15 @@ ROWS: dict[str, Row] = {
         "moved_pct",
     ),
     "idle-drifts": caution(_drift, "share_pct", rank=1),
+    "output-creeps": caution(
+        "the output creeps by {slope:+.3g} {unit}/s while it idles, alike before {count} steps: {share_pct:.2g} % of "
+        "the step to {worst:g} by the end of its hold; T_s, τ2 and the C that the runs ask for hold that creep: let "
+        "the sensor warm up, and record again",
+        "share_pct",
+        rank=0,
+        covers=("runs-reject-the-share",),
+        first="record again with a sensor that does not creep",
+    ),
     "not-at-rest": stop(
         "not at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step; let "
         "it rest before the step, mend «step_at» where the input was logged late, or say what it starts from with "
