@@ -177,10 +177,6 @@ def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[Value], l
             raise DataError(f"{paths[0]}: {str(fault).splitlines()[0]}") from None
     if twice := next((path for k, path in enumerate(paths) if path in paths[:k]), None):
         raise DataError(f"{twice}: is given twice; a session is one fit")
-    stems, fits, told = [path.stem for path in paths], list[Fit](), list[Finding]()
-    for path in paths:
-        fit, found = codec.read(path, Fit)
-        fits.append(fit)
-        told += found
+    stems, read = [path.stem for path in paths], [codec.read(path, Fit) for path in paths]
     names = stems if len(set(stems)) == len(stems) else list(map(str, paths))
-    return dict(zip(names, fits, strict=True)), [], told
+    return dict(zip(names, (fit for fit, _ in read), strict=True)), [], [one for _, told in read for one in told]

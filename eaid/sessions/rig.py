@@ -149,8 +149,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
             raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
         of, shown = self.quantities[quantity] if quantity else self.main, NO_STEPS
         if steps is not None:
-            of_a_run = {} if "sd_log" in steps else {"sd_log": of.sd_step}
-            rows = gather.table_values(steps.assign(session="", **of_a_run))
+            rows = gather.table_values(pandas.DataFrame({"session": "", "sd_log": of.sd_step, **steps}))
             shown = steps_known((one.level, one.value, one.sd_log) for one in rows)
         at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
         if not (at > 0).all():

@@ -49,13 +49,8 @@ def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str = 
     from scipy.sparse.csgraph import connected_components  # a quarter of a second to load
 
     apart = connected_components((level[:, None] == level) | (sitting[:, None] == sitting), directed=False)[0] > 1
-    parts, logs = tuple(_words(group, unit) for group in groups), _beginnings(groups)
-    n = len(groups)
-    return [
-        finding(
-            "several-sessions", "data", sessions=n, by=by, parts=parts, mixed=apart, logs=logs, options=options
-        )
-    ]  # fmt: skip
+    parts, told = tuple(_words(group, unit) for group in groups), {"by": by, "mixed": apart, "options": options}
+    return [finding("several-sessions", "data", sessions=len(groups), parts=parts, logs=_beginnings(groups), **told)]
 
 
 def _moment(run: RunRecord) -> float | None:
