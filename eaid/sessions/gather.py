@@ -1,5 +1,4 @@
-"""Fits, or one plain table, as sessions: what each says of T_s, τ1, τ2, B, a0 and of what was held, and whether they
-belong together."""
+"""Fits, or one plain table, as sessions: what each says of T_s, τ1, τ2, B, a0, what was held; do they go together?"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -48,8 +47,7 @@ class Session(Result, frozen=True):
 
 
 def values_of(fit: Fit, name: str, session: str) -> list[Value]:
-    """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (as of a level 1), as far as its data
-    determine them."""
+    """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (of level 1), as its data tell."""
     linear, pooled = fit.linear, sum(max(one.runs - 1, 0) for one in fit.responses)
     rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
     if name in RESPONSES:

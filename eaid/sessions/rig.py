@@ -300,7 +300,8 @@ def _carried(model: Model) -> tuple[int, float]:
     line, of = model.line, model.known
     off = np.where(of.session == np.arange(of.session.max() + 1)[:, None], line.residuals, 0.0)
     far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
-    rest = replace(model, known=of.of(of.session != far))
+    kept = of.session != far
+    rest = replace(model, known=Known(*(one[kept] for one in (of.session, of.level, of.y, of.W))))
     enough = len(rest.known.y) > line.values.X.shape[1] and len(rest.knots) == len(model.knots)
     if model.count <= LEAST_SESSIONS or not enough:
         return far, math.inf
