@@ -62,17 +62,13 @@ MOST_FINDINGS = 3  # Findings that are told by default; `--verbose` tells all
 COLOUR = {"error": "1;31", "stop": "1;31", "warning": "33", "note": "36"}
 EVERY_S = 3.0  # Where there is no terminal, a line of progress comes this often [s]
 
+# Whether messages, progress and tables are held back (`-q`); errors and `--json` are still told
 QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
-
-
-def be_quiet(quiet: bool) -> None:
-    """Hold back messages, progress and tables (`-q`); errors and `--json` are still told."""
-    QUIET.set(quiet)
 
 
 @contextlib.contextmanager
 def hushed(quiet: bool) -> Iterator[None]:
-    """The same within a block; what is said of it there ends with it."""
+    """Quiet or not within a block; what is set there ends with it."""
     before = QUIET.set(quiet)
     try:
         yield

@@ -77,7 +77,7 @@ def takes(body: Callable[..., int | None]) -> Callable[..., int | None]:
     shown = sorted(forms(arguments).values(), key=lambda form: form.declared.group in (CHANCE, OUTPUT))
 
     def command(**typed: Any) -> int | None:
-        console.be_quiet(typed["quiet"])
+        console.QUIET.set(typed["quiet"])
         for form in shown:
             if form.parts[0] in (Path, list[Path]) and (value := typed[form.name]):
                 typed[form.name] = Path(value) if form.parts[0] is Path else list(map(Path, value))

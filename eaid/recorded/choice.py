@@ -222,12 +222,13 @@ def _kinds_behind(
         if any(one is not log for one, log in zip(shown, logs, strict=True)):
             return _kinds_behind(shown, late, inputs, options, rivals, passes - 1)
     found = _late_by(rows[0].solved, search.logs, late, options)
-    without_lead = _instead_of_a_lead(search, rows, late, options)
+    most = rows[0].cost * (1 + PRICE / independent_of(rows[0].solved))  # that one unknown less leaves by noise
+    without_lead = _instead_of_a_lead(search, rows, late, options, most)
     found = without_lead or found
     if [one.rows for one in found] == [one.rows for one in late]:
         return search, rows, found
     moved = _kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
-    return (search, rows, late) if without_lead and moved[1][0].cost > _by_noise(rows[0]) else moved
+    return (search, rows, late) if without_lead and moved[1][0].cost > most else moved
 
 
 def since_known(log: RecordedLog, dead_s: float) -> RecordedLog:
@@ -238,22 +239,17 @@ def since_known(log: RecordedLog, dead_s: float) -> RecordedLog:
     return replace(log, output=np.where(before, np.nan, log.output))
 
 
-def _by_noise(best: Tried) -> float:
-    """What one unknown less may leave for nothing but noise."""
-    return best.cost + PRICE * best.cost / independent_of(best.solved)
-
-
 def _instead_of_a_lead(
-    search: Search, rows: Sequence[Tried], late: tuple[Delay, ...], options: FitOptions
+    search: Search, rows: Sequence[Tried], late: tuple[Delay, ...], options: FitOptions, most: float
 ) -> tuple[Delay, ...]:
     """By how much inputs were noted late where the best kind has a zero, as that makes one, and the same lags without
-    it explain as much behind their delay; empty where they do not."""
+    it leave no more than `most` squares behind their delay; empty where they do not."""
     plain = next((one for one in rows if one.kind.law == "swing" and not (one.kind.zero or one.kind.late)), None)
     if not rows[0].kind.zero or rows[0].kind.late or plain is None:
         return ()
     found = _late_by(plain.solved, search.logs, late, options)
     more = [new.rows - old.rows for new, old in zip(found, late, strict=True)]
-    return found if any(more) and moved_cost(plain.solved, search.logs, more) <= _by_noise(rows[0]) else ()
+    return found if any(more) and moved_cost(plain.solved, search.logs, more) <= most else ()
 
 
 def _late_by(

@@ -130,8 +130,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 
     @property
     def tune_anew(self) -> bool:
-        """Whether gains are to be made for A: its B left their range, or, where none are given, what is claimed
-        moved."""
+        """Whether gains are to be made for A: its B left their range; where none are given, what is claimed moved."""
         return bool(self.files) and (self.changed if self.retune is None else self.retune.needed is not False)
 
     @property

@@ -1,5 +1,4 @@
-"""Fits, or one plain table, as sessions: what each says of T_s, τ1, τ2, B, a0 and of what was held, and whether they
-belong together."""
+"""Fits, or one plain table, as sessions: what each says of T_s, τ1, τ2, B, a0, what was held; do they go together?"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -48,8 +47,7 @@ class Session(Result, frozen=True):
 
 
 def values_of(fit: Fit, name: str, session: str) -> list[Value]:
-    """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (as of a level 1), as far as its data
-    determine them."""
+    """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (of level 1), as its data tell."""
     linear, pooled = fit.linear, sum(max(one.runs - 1, 0) for one in fit.responses)
     rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
     if name in RESPONSES:
@@ -177,10 +175,6 @@ def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[Value], l
             raise DataError(f"{paths[0]}: {str(fault).splitlines()[0]}") from None
     if twice := next((path for k, path in enumerate(paths) if path in paths[:k]), None):
         raise DataError(f"{twice}: is given twice; a session is one fit")
-    stems, fits, told = [path.stem for path in paths], list[Fit](), list[Finding]()
-    for path in paths:
-        fit, found = codec.read(path, Fit)
-        fits.append(fit)
-        told += found
+    stems, read = [path.stem for path in paths], [codec.read(path, Fit) for path in paths]
     names = stems if len(set(stems)) == len(stems) else list(map(str, paths))
-    return dict(zip(names, fits, strict=True)), [], told
+    return dict(zip(names, (fit for fit, _ in read), strict=True)), [], [one for _, told in read for one in told]

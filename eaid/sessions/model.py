@@ -54,10 +54,6 @@ class Known:
     y: Array
     W: Array
 
-    def of(self, rows: Array) -> "Known":
-        """Some of them."""
-        return Known(self.session[rows], self.level[rows], self.y[rows], self.W[rows])
-
 
 def known(rows: Iterable[tuple[float, float, float, float]]) -> Known:
     """Rows of session, level, value and the standard deviation of its logarithm."""

@@ -149,8 +149,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
             raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
         of, shown = self.quantities[quantity] if quantity else self.main, NO_STEPS
         if steps is not None:
-            of_a_run = {} if "sd_log" in steps else {"sd_log": of.sd_step}
-            rows = gather.table_values(steps.assign(session="", **of_a_run))
+            rows = gather.table_values(pandas.DataFrame({"session": "", "sd_log": of.sd_step, **steps}))
             shown = steps_known((one.level, one.value, one.sd_log) for one in rows)
         at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
         if not (at > 0).all():
@@ -301,7 +300,8 @@ def _carried(model: Model) -> tuple[int, float]:
     line, of = model.line, model.known
     off = np.where(of.session == np.arange(of.session.max() + 1)[:, None], line.residuals, 0.0)
     far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
-    rest = replace(model, known=of.of(of.session != far))
+    kept = of.session != far
+    rest = replace(model, known=Known(*(one[kept] for one in (of.session, of.level, of.y, of.W))))
     enough = len(rest.known.y) > line.values.X.shape[1] and len(rest.knots) == len(model.knots)
     if model.count <= LEAST_SESSIONS or not enough:
         return far, math.inf

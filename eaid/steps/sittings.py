@@ -9,6 +9,7 @@ import re
 import shlex
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,13 +50,9 @@ def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str = 
     from scipy.sparse.csgraph import connected_components  # a quarter of a second to load
 
     apart = connected_components((level[:, None] == level) | (sitting[:, None] == sitting), directed=False)[0] > 1
-    parts, logs = tuple(_words(group, unit) for group in groups), _beginnings(groups)
-    n = len(groups)
-    return [
-        finding(
-            "several-sessions", "data", sessions=n, by=by, parts=parts, mixed=apart, logs=logs, options=options
-        )
-    ]  # fmt: skip
+    parts, logs, n = tuple(_words(group, unit) for group in groups), _beginnings(groups), len(groups)
+    told = partial(finding, "several-sessions", "data", sessions=n, by=by)
+    return [told(parts=parts, mixed=apart, logs=logs, options=options)]
 
 
 def _moment(run: RunRecord) -> float | None:

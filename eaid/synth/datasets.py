@@ -1,4 +1,4 @@
-"""The three synthetic datasets that ship with eaid, and how each was made.
+"""The three synthetic datasets that ship with eaid (`datasets/make.py` makes them), and logs written as one.
 
 All are the reference plant (specification 6) at the paper's 1 kHz with the default disturbance and seed 0; the same
 call makes the same bytes again, as long as HDF5's own compressor is the same version. Torques are rounded to the
@@ -13,9 +13,8 @@ from eaid.apparatus import Apparatus
 from eaid.errors import UsageError
 from eaid.logs.dataset import write_dataset
 from eaid.logs.run import Run
-from eaid.options import EXPERIMENTS, SynthOptions
+from eaid.options import EXPERIMENTS
 from eaid.steps.cut import cut
-from eaid.synth.synthesize import synthesize
 
 
 def write(path: Path, runs: Sequence[Run], force: bool = False) -> None:
@@ -24,15 +23,6 @@ def write(path: Path, runs: Sequence[Run], force: bool = False) -> None:
     # one surface in the friction rig, two in the clutch (specification 1)
     apparatus = Apparatus(surfaces=2 if kind == "clutch" else 1)
     write_dataset(path, [step for run in runs for step in cut(run)], kind=kind, apparatus=apparatus, force=force)
-
-
-def make(folder: Path, force: bool = False) -> dict[str, Path]:
-    """Write all three into a folder; by kind, where."""
-    paths: dict[str, Path] = {}
-    for kind in EXPERIMENTS:
-        paths[kind] = folder / f"{kind}.h5"
-        write(paths[kind], synthesize(SynthOptions(kind=kind)), force)
-    return paths
 
 
 def shipped() -> dict[str, Path]:

@@ -1,5 +1,6 @@
 """The shipped datasets: small, marked, and made again by one call."""
 
+import runpy
 from pathlib import Path
 
 import h5py
@@ -13,7 +14,9 @@ from eaid.synth import datasets
 
 @pytest.fixture(scope="module")
 def again(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    return datasets.make(tmp_path_factory.mktemp("datasets"))
+    script = runpy.run_path(str(Path(__file__).parents[2] / "datasets" / "make.py"))
+    made: dict[str, Path] = script["make"](tmp_path_factory.mktemp("datasets"))
+    return made
 
 
 def contents(path: Path) -> dict[str, object]:
