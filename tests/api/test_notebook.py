@@ -228,7 +228,7 @@ WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {
     "a level": (lambda r: r.fit.predict(55, [1], "friction"), UsageError, "knows the levels 20, 60"),
     "a duty": (lambda r: r.fit.predict(101, [1]), UsageError, "duty= 101: the fit knows 20 … 100 % only"),
     "a number": (lambda _: eaid.fit(3), UsageError, "files or folders of logs, a DataFrame, or DataFrames by name"),
-    "gains for a fit": (lambda r: eaid.tune_rc(r.gains), UsageError, "is a Gains; give what eaid.fit returns, or its file"),
+    "gains as a fit": (lambda r: eaid.tune_rc(r.gains), UsageError, "a Gains; give what eaid.fit returns, or its file"),
     "a file of gains for a fit": (
         lambda r: eaid.tune_rc(r.folder / "gains.json"), UsageError, "gains.json holds Gains; give what eaid.fit"),
     "a fit for gains": (lambda r: eaid.simulate(r.fit, r.fit), UsageError, "gains: is a Fit; give what eaid.tune_rc"),
