@@ -76,14 +76,6 @@ def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSe
     assert eaid.fit(small_steps, whole, share=0.9).options.share == 0.9
     with pytest.raises(eaid.UsageError, match=r"^share= 0.8: the options given say 0.9; say it in one place$"):
         eaid.fit(small_steps, whole, share=0.8)
-    with pytest.raises(eaid.UsageError, match="^no such option shre: must be one of .*; did you mean share"):
-        eaid.fit(small_steps, **{"shre": 0.8})
-    with pytest.raises(eaid.UsageError, match="give FitOptions, or keywords"):
-        eaid.fit(small_steps, {"share": 0.8})
-    with pytest.raises(eaid.UsageError, match="^fit: is a StepSet; give what eaid.fit returns, or its file$"):
-        eaid.tune_rc(small_steps)
-    with pytest.raises(eaid.UsageError, match="give files or folders of logs, a DataFrame, or DataFrames by name"):
-        eaid.fit(42)
 
 
 @pytest.mark.parametrize(

@@ -170,33 +170,6 @@ def test_results_are_saved_loaded_and_pickled(
         assert pickle.loads(pickle.dumps(result)).to_frame().equals(result.to_frame())
 
 
-def test_python_control_where_it_is_installed(small_fit: Any) -> None:
-    control = pytest.importorskip("control")
-    _t, y = control.step_response(small_fit.linear.to_control(), np.linspace(0.0, 100.0, 1001))
-    assert y[-1] == pytest.approx(small_fit.linear.b0 / small_fit.linear.a0)
-
-
-WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {
-    "an option": (
-        lambda _: eaid.fit({"a": pd.DataFrame()}, **{"robust": True}),
-        UsageError,
-        "no such option robust: must be one",
-    ),
-    "no such file": (lambda _: eaid.load("nowhere.json"), DataError, "no such file"),
-    "an empty path": (lambda _: eaid.read(""), UsageError, "an empty path"),
-    "an empty table": (lambda _: eaid.fit(pd.DataFrame()), DataError, "run: the DataFrame is empty"),
-    "a level": (lambda fit: fit.predict(55, [1], "friction"), UsageError, "knows the levels 20, 60"),
-    "a duty": (lambda fit: fit.predict(101, [1]), UsageError, "duty= 101: the fit knows 20 … 100 % only"),
-}
-
-
-@pytest.mark.parametrize("call", WRONG)
-def test_wrong_calls_are_told_in_words(call: str, small_fit: Any) -> None:
-    made, error, said = WRONG[call]
-    with pytest.raises(error, match=said):
-        made(small_fit)
-
-
 def test_a_sentence_may_be_reworded_without_any_number_changing(
     small_steps: Any, small_fit: Any, small_gains: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -12,6 +12,8 @@ import pytest
 
 import eaid
 
+from ..conftest import made_once
+
 ROOT = Path(__file__).parents[2]
 FUNCTIONS = ("read", "fit", "tune_rc", "simulate", "report", "plan", "synth", "export", "couple", "load")
 RESULTS = {"Coupling", "Fit", "Gains", "Guarantee", "Plan", "Replay", "StepSet"}
@@ -21,10 +23,14 @@ WITH_EXAMPLES = {
     if "\n    >>> " in path.read_text(encoding="utf-8") or "\n>>> " in path.read_text(encoding="utf-8")
 }
 """Module → file."""
+ONCE = {name: made_once(getattr(eaid, name)) for name in ("fit", "tune_rc")}
+"""Most examples begin with the same fit and its gains."""
 
 
 @pytest.mark.parametrize("name", WITH_EXAMPLES)
-def test_the_examples_of_the_docstrings_run(name: str) -> None:
+def test_the_examples_of_the_docstrings_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for function, kept in ONCE.items():
+        monkeypatch.setattr(eaid, function, kept)
     found = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
     assert found.failed == 0 and found.attempted > 0
 

@@ -211,7 +211,10 @@ def test_a_notebook_gets(call: str, rig: Any) -> None:
 
 
 WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {
-    "a misspelt option": (lambda r: eaid.fit(r.steps, **{"shares": 0.8}), UsageError, "did you mean share?"),
+    "a misspelt option": (
+        lambda r: eaid.fit(r.steps, **{"shares": 0.8}), UsageError, "no such option shares: must be one of "),
+    "a misspelt option has a guess": (
+        lambda r: eaid.fit(r.steps, **{"shares": 0.8}), UsageError, "did you mean share?"),
     "an option of read": (
         lambda r: eaid.fit(r.frames, **{"units": "time=ms"}), UsageError, "units=: says how logs are read"),
     "two arrays": (lambda r: eaid.fit(*arrays(r)[:2]), UsageError, "time, input and output as arrays"),
@@ -220,8 +223,12 @@ WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {
     "arrays of two lengths": (
         lambda r: eaid.fit(arrays(r)[0], arrays(r)[1], arrays(r)[2][1:]), DataError, "output of 1499; give as many"),
     "frames and a path": (lambda r: eaid.fit([r.frames[0], "logs"]), UsageError, "a list: give files or folders"),
-    "a number": (lambda _: eaid.fit(3), UsageError, "3: give files or folders of logs"),
-    "gains for a fit": (lambda r: eaid.tune_rc(r.gains), UsageError, "fit: is a Gains; give what eaid.fit returns"),
+    "an empty path": (lambda _: eaid.read(""), UsageError, "an empty path"),
+    "an empty table": (lambda _: eaid.fit(pd.DataFrame()), DataError, "run: the DataFrame is empty"),
+    "a level": (lambda r: r.fit.predict(55, [1], "friction"), UsageError, "knows the levels 20, 60"),
+    "a duty": (lambda r: r.fit.predict(101, [1]), UsageError, "duty= 101: the fit knows 20 … 100 % only"),
+    "a number": (lambda _: eaid.fit(3), UsageError, "files or folders of logs, a DataFrame, or DataFrames by name"),
+    "gains as a fit": (lambda r: eaid.tune_rc(r.gains), UsageError, "a Gains; give what eaid.fit returns, or its file"),
     "a file of gains for a fit": (
         lambda r: eaid.tune_rc(r.folder / "gains.json"), UsageError, "gains.json holds Gains; give what eaid.fit"),
     "a fit for gains": (lambda r: eaid.simulate(r.fit, r.fit), UsageError, "gains: is a Fit; give what eaid.tune_rc"),

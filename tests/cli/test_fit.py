@@ -113,7 +113,7 @@ def test_a_verdict_names_options_as_they_are_typed(tmp_path, monkeypatch, run_ea
     assert ran.code == 3 and "say --units output=UNIT" in ran.err
     ran = run_eaid("tune-rc f.json --anyway --verbose -o g.json")
     assert "say --units output=UNIT" in ran.err and "units=" not in ran.err
-    assert run_eaid("report f.json g.json -o r -q").code == 0
+    assert run_eaid("report f.json g.json --figures fig07 -o r -q").code == 0
     page = Path("r/report.html").read_text(encoding="utf-8")
     assert "say --units output=UNIT" in page and "«" not in page
     assert 'say units="output=UNIT"' in eaid.load("f.json").verdict.why

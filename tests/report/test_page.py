@@ -20,7 +20,7 @@ from eaid.report.tables.gains import comparison
 from eaid.results.gains import Compared, Gains, Replayed
 from eaid.shown import number
 
-from ..conftest import PLANT, loaded
+from ..conftest import PLANT, loaded, made_once
 
 FIGURES = {
     "fig02_pwm", "fig03_friction_steps", "fig04_friction_over_stress", "fig05_friction_over_speed",
@@ -338,11 +338,16 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
     assert not mended or ("--phi data" in page.steps[0][1] and "--alpha" not in page.steps[0][1])
 
 
-def test_rc_stands_beside_a_pi_of_its_own_margins(report_of: Callable[..., Any], tmp_path: Path):
+@made_once
+def gains_of(fit: dict[str, Any]) -> dict[str, Any]:
+    """gains.json of a script's fit."""
+    return eaid.tune_rc(loaded(fit)).to_dict()
+
+
+def test_rc_stands_beside_a_pi_of_its_own_margins(report_of: Callable[..., Any]):
     """… with and without its feedforward."""
     fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
-    eaid.tune_rc(loaded(fit)).save(tmp_path / "gains.json")
-    gains = json.loads((tmp_path / "gains.json").read_text(encoding="utf-8"))
+    gains = gains_of(fit)
     _heads, *rows = report_of(fit, gains).numbers["Controllers"]
     for row, name in zip(rows, ("rc", "equal_pi_feedforward", "equal_pi", "pi", "paper_pi"), strict=True):
         one = gains["replayed"][name]
@@ -357,8 +362,7 @@ def test_no_command_is_offered_that_would_be_refused(wrong: dict[str, Any], repo
 
 def test_what_no_command_mends_is_said_in_its_place(report_of: Callable[..., Any], tmp_path: Path):
     fit: dict[str, Any] = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
-    eaid.tune_rc(loaded(fit)).save(tmp_path / "gains.json")
-    gains = json.loads((tmp_path / "gains.json").read_text(encoding="utf-8"))
+    gains = gains_of(fit)
     (tmp_path / "a.csv").touch()
     values = {"times": 9.0, "e": 0.0, "low": -0.3, "high": 0.3, "worst": 50.0, "of": 1, "lost_pct": 25.0,
               "samples": 2, "value": 9.0, "at_s": 2.0, "unit": "%"}  # fmt: skip
@@ -377,11 +381,10 @@ def test_what_no_command_mends_is_said_in_its_place(report_of: Callable[..., Any
 
 
 @pytest.mark.parametrize(("short", "laws"), [("", None), ("rc", "pi,inverse,plant"), ("pi", "rc,inverse,plant")])
-def test_gains_short_of_margin_are_not_sent_to_the_rig(short: str, laws: str | None, report_of: Any, tmp_path: Path):
+def test_gains_short_of_margin_are_not_sent_to_the_rig(short: str, laws: str | None, report_of: Any):
     """None at all where neither controller has 6 dB and 45°."""
     fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
-    eaid.tune_rc(loaded(fit)).save(tmp_path / "gains.json")
-    gains = json.loads((tmp_path / "gains.json").read_text(encoding="utf-8"))
+    gains = gains_of(fit)
     values = {"unit": "%", "enough_db": 6.0, "enough_deg": 45.0, "gain_db": 1.0, "phase_deg": 30.0, "of": 1}
     told = [{"code": "margin-missed", "subject": one, "severity": "caution", "levels": [30.0], "values": values}
             for one in ("rc", "pi")]  # fmt: skip
