@@ -84,12 +84,15 @@ def stops(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 class Words(string.Formatter):
-    """`str.format` that also counts: `{runs:#run}` is `1 run`, or `3 runs`; of what is not known it says so."""
+    """`str.format` that also counts: `{runs:#run}` is `1 run`, or `3 runs`; of what is not known it says so, and of
+    several numbers each."""
 
     def format_field(self, value: Any, spec: str) -> Any:
         """The field, counted where its format begins with `#`."""
         if value is None or value != value:
             return "unknown"
+        if isinstance(value, tuple):
+            return " and ".join(self.format_field(one, spec) for one in value)
         return counted(value, spec[1:]) if spec.startswith("#") else super().format_field(value, spec)
 
 

@@ -195,12 +195,12 @@ def as_pair(solved: Solved) -> Solved | None:
 def with_own_falls(search: Search, rows: Sequence[Tried], clutch: Chosen, inputs: Excited) -> list[Tried]:
     """Kinds with one lag having falls of its own where the clutch has, or leaves its τ2 to them: the best and the
     simplest of it, for curves imitate falls."""
-    names = clutch.fell
-    if not names and rows[0].kind.name == "clutch" and not answers(clutch.solved, clutch.logs):
+    names, lags = clutch.fell, [one for one in rows if one.kind.law == "lag"]
+    near = rows[0].kind.name == "clutch" and lags[0].cost <= AS_WELL * rows[0].cost
+    if not names and near and not answers(clutch.solved, clutch.logs):
         base = clutch.solved.setup
         names = seen(base.drives, base.model.low, inputs.stepwise, free=True)
-    lags = [one for one in rows if one.kind.law == "lag"]
-    if not names or lags[0].cost > AS_WELL * rows[0].cost:
+    if not names:
         return list(rows)
     both = lags[0], min(lags, key=lambda one: one.solved.setup.size)
     ended = [on_all(search, one, last=True) for one in both]

@@ -77,7 +77,7 @@ SAID = {
     "other-shape-fits-better": (
         {"shape": "one", "dead_time_s": 15.6, "rmse": 0.27, "plain_rmse": 0.72},
         "asks for one exponential behind a dead time of 15.6 s: RMSE 0.27 instead of 0.72"),
-    "release-alike": ({"tau1_s": 0.1, "tau2_s": 0.1, "chance": float("nan")}, "(chance unknown)"),
+    "release-alike": ({"edges_s": (0.1, 0.2), "chance": float("nan")}, "(chance unknown)"),
     "idle-drifts": ({"drift": 0.2, "unit": "N", "share_pct": 10.0}, "+0.2 N while idle (10 % of the step)"),
 }  # fmt: skip
 

@@ -104,10 +104,6 @@ def _falls(v: Values) -> str:
     )
 
 
-def _seconds(values: Sequence[float]) -> str:
-    return " and ".join(f"{one:.3g} s" for one in values)
-
-
 ROWS: dict[str, Row] = {
     # Models
     "fit-not-converged": stop(
@@ -406,16 +402,12 @@ ROWS: dict[str, Row] = {
         )
     ),
     "release-differs": note(
-        lambda v: (
-            f"falls to rest have time constants of their own, {_seconds(v['taus_s'])} (the lowest input would give "
-            f"{_seconds(v['edges_s'])}; chance {v['chance']:.2g}); they are fitted and taken for the release"
-        )
+        "falls to rest have time constants of their own, {taus_s:.3g} s (the lowest input would give {edges_s:.3g} s; "
+        "chance {chance:.2g}); they are fitted and taken for the release"
     ),
     "release-alike": note(
-        lambda v: (
-            f"falls to rest are as fast as the lowest input gives, {_seconds(v['edges_s'])}, as far as these logs can "
-            f"tell (chance {v['chance']:.2g})"
-        )
+        "falls to rest are as fast as the lowest input gives, {edges_s:.3g} s, as far as these logs can tell (chance "
+        "{chance:.2g})"
     ),
     "release-not-seen": note(
         "the logs hold no fall to rest: that a release goes as at the lowest input is an assumption"
