@@ -169,7 +169,10 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
     if nothing := [row for row in part.per_level if row.fit_pct is not None and row.fit_pct < 0]:
         worst = min(nothing, key=lambda row: row.fit_pct or 0.0)
         values = {"worst": worst.level, "fit_pct": worst.fit_pct, "of": len(part.per_level)}
-        found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
+        if len(nothing) == len(part.per_level):
+            found.append(finding("model-explains-little", "nonlinear", R2=part.R2, fit_pct=part.fit_pct))
+        else:
+            found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
     if part.Ts_through or estimate.levels_about_curve is None or estimate.levels_about_curve.gained < SCATTER_SEEN:
         return found
     value, _, _ = estimate.own_Ts

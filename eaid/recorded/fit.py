@@ -170,12 +170,14 @@ def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
     )
 
 
-def linear_of_logs(solved: Solved, base: Solved, levels: Array, options: FitOptions) -> Linear:
+def linear_of_logs(
+    solved: Solved, base: Solved, levels: Array, options: FitOptions, repeats: Sequence[Level] = ()
+) -> Linear:
     """Eq. (8) of the logs, with what they leave open; and of each level by itself: of steps of the fitted model."""
     model, wanted = solved.setup.model, options.bounds_levels
     pooled, ends = parameters(model, solved.coefficients), None
     if options.ci != "none":
-        known = spread(solved)
+        known = with_runs(spread(solved), solved, repeats)
 
         def numbers(x: Array) -> Array:
             one = parameters(model, x[: model.size])
@@ -394,7 +396,7 @@ def fit_recorded(
         if (theta_s := base.fitted.dead_time(base.x)) > before_s:
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
     uncertainty = None if options.ci == "none" else spread(base)
-    if uncertainty is not None and repeats:
+    if uncertainty is not None:
         uncertainty = with_runs(uncertainty, base, repeats)
     known = None
     if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):
@@ -404,7 +406,7 @@ def fit_recorded(
     findings += [] if uncertainty is None else uncertainty.scatter.findings
     findings += [] if known is None else known.findings
     data = data_of_logs([*logs, *others], runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
-    linear = linear_beside(base, chosen, inputs, options) if "linear" in wanted else None
+    linear = linear_beside(base, chosen, inputs, options, repeats) if "linear" in wanted else None
     friction = friction_beside(base, inputs, options, known, "nonlinear" in wanted) if "friction" in wanted else None
     shown = "nonlinear" in wanted and base.setup.model.kind in ("parallel", "lag") and not base.setup.model.signed
     release = plant_found(base).release
@@ -450,14 +452,16 @@ def judged_on_logs(
     ), findings
 
 
-def linear_beside(base: Solved, chosen: Chosen, inputs: Excited, options: FitOptions) -> Linear:
+def linear_beside(
+    base: Solved, chosen: Chosen, inputs: Excited, options: FitOptions, repeats: Sequence[Level]
+) -> Linear:
     """The linear model of the same logs, behind the plant's dead time."""
     theta_s, model = base.fitted.dead_time(base.x), base.setup.model
     setup = replace(base.fitted, extras=(), dead_time_s=theta_s)
     if model.kind != "parallel":
         setup = about_idle(base, chosen.logs, theta_s)
     basis = np.array([-inputs.high, inputs.high]) if model.signed else inputs.basis
-    return linear_of_logs(fit_setup(replace(setup, model=forms.linear(basis))), base, inputs.basis, options)
+    return linear_of_logs(fit_setup(replace(setup, model=forms.linear(basis))), base, inputs.basis, options, repeats)
 
 
 def friction_beside(

@@ -339,7 +339,7 @@ def spread(solved: Solved) -> Spread:
 
 def with_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Spread:
     """The spread of a fit to the mean curves of some levels, by their runs; as it is where no level has several."""
-    if max(len(level.runs) for level in levels) < 2:
+    if max((len(level.runs) for level in levels), default=0) < 2:
         return plain
     setup, x, first = solved.setup, solved.x, solved.setup.model.slices[0].stop
     units = np.where(x[first:] != 0, np.abs(x[first:]), 1.0)  # logarithms, but for what is 0

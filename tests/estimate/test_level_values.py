@@ -216,6 +216,8 @@ def test_steps_of_one_lag_are_one_lag() -> None:
     assert fit.plant.kind == "lag" and fit.verdict.usable and fit.converged
     low, high = fit.linear.ci95.a0
     assert 0.95 / 0.134 < low < high < 1.05 / 0.134
+    tau = fit.plant_.ci95.tau1  # runs that scatter are in both: a0 was five times as sure as its own τ
+    assert (1 / high, 1 / low) == pytest.approx(tau, rel=0.01)
 
 
 def test_figures_draw_the_plant_of_another_kind_behind_its_dead_time() -> None:
