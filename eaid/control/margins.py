@@ -197,6 +197,21 @@ def margins_of(
     return Margins(timing, tuple(rows), worst), missed
 
 
+def if_falls_are_releases(
+    loops: Mapping[str, Law], plant: Plant, points: Sequence[Point], timing: Timing
+) -> list[Finding]:
+    """Loops that lack 6 dB or 45° if falls between levels, which no log shows, are as quick as those to rest."""
+    quick = falling(replace(plant, falls_as_release=True))
+    if quick is None or plant.release is None or plant.falls_as_release or plant.falls != (1.0, 1.0):
+        return []
+    down = [Point(one.duty_pct, one.torque_nm, around(quick, one.duty_pct), True) for one in points]
+    each = {name: least_margins(law, down, timing) for name, law in loops.items()}
+    return [
+        finding("margin-if-falls-are-releases", name, gain_db=one.gain_db, phase_deg=one.phase_deg, stable=one.stable)
+        for name, one in each.items() if not enough(one)
+    ]  # fmt: skip
+
+
 def gain_margin(law: Any, plant: Operating, timing: Timing) -> float:
     """The factor on the duty at which the radius reaches 1 [dB]: steps to bracket it, then Brent; else infinite."""
 

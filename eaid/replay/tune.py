@@ -25,7 +25,15 @@ from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
 from eaid.control.guarantee import MENDABLE, Grounds, guarantee_of, to_mend, warnings_of
 from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.law import Wanted
-from eaid.control.margins import Point, as_stepped, finite, least_margins, margins_of, operating_points
+from eaid.control.margins import (
+    Point,
+    as_stepped,
+    finite,
+    if_falls_are_releases,
+    least_margins,
+    margins_of,
+    operating_points,
+)
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
 from eaid.estimate.draw import draw, drawable
@@ -39,6 +47,7 @@ from eaid.replay.metrics import tracking
 from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
+from eaid.results.plant import falls_between
 
 PLANTS = 100  # Plants of the next session by which φ is judged
 
@@ -137,6 +146,12 @@ def unknown_to_plant(fit: Fit) -> list[Finding]:
     return [one for one in fit.findings if one.code == "output-decays-under-hold"]
 
 
+def falls_seen(fit: Fit) -> bool:
+    """Whether the logs of a fit show falls from level to level."""
+    tested = () if fit.recorded is None else fit.recorded.falls
+    return any(one.name == "fall_tau1" for one in tested) or bool(falls_between(fit.friction_levels))
+
+
 def of_sessions(fit: Fit) -> bool:
     """Whether a fit's intervals are those of the next session, not of one mounting."""
     return fit.uncertainty is not None and fit.uncertainty.ci == "sessions"
@@ -176,6 +191,9 @@ def tune(
     if not of_sessions(fit):
         findings.append(finding("for-this-mounting", "model"))
     findings += unknown_to_plant(fit)
+    if task.plant is not None and not falls_seen(fit):
+        both = {name: law for name, law in laws.items() if name in ("rc", "pi")}
+        findings += if_falls_are_releases(both, task.plant, task.points, task.timing)
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)

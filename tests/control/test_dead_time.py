@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pandas as pd
 import pytest
@@ -150,3 +151,19 @@ def test_a_dead_time_that_is_given_is_held(small_steps: Any) -> None:
     """Steps that answer at once, told to be late: the models begin behind it."""
     fit = eaid.fit(small_steps, dead_time=0.1, ci="none")
     assert fit.plant.dead_time_s == 0.1 and fit.predict(60.0, [0.05]).to_numpy()[0, 0] == 0.0
+
+
+@pytest.mark.parametrize(("part", "seen", "told"), [(0.2, False, True), (0.2, True, False), (1.0, False, False)])
+def test_releases_quicker_than_rises_are_told_where_no_log_shows_falls_between_levels(
+    small_fit: Any, part: float, seen: bool, told: bool
+) -> None:
+    """A PI of 8.4 dB for 5.7, where falls between levels go as those to rest."""
+    tau1, tau2 = (float(one) for one in small_fit.plant.time_constants(60.0))
+    plant = msgspec.structs.replace(small_fit.plant_, dead_time_s=0.1, release=(part * tau1, part * tau2))
+    rows = small_fit.friction.levels
+    if seen:
+        rows = (*rows, msgspec.structs.replace(rows[0], from_=rows[-1].level))
+    friction = msgspec.structs.replace(small_fit.friction, levels=rows)
+    gains = eaid.tune_rc(msgspec.structs.replace(small_fit, plant_=plant, friction=friction))
+    values = [one.values for one in gains.findings if one.code == "margin-if-falls-are-releases"]
+    assert bool(values) == told and all(one["gain_db"] < 6 or one["phase_deg"] < 45 for one in values)

@@ -95,6 +95,14 @@ ROWS: dict[str, Row] = {
         "nothing holds the error; a slower reference in the middle of the range takes less"
     ),
     "margin-missed": caution(_margin),
+    "margin-if-falls-are-releases": caution(
+        lambda v: (
+            f"the {v['subject'].upper()} loop has "
+            + (f"{v['gain_db']:.3g} dB and {v['phase_deg']:.3g}°" if v["stable"] else "no margin")
+            + " where falls between levels are as quick as those to rest, and no log shows such falls: record steps "
+            "down from level to level"
+        )
+    ),
     "paper-pi": note(
         "beside it the paper's PI, 21 and 360: largest error {error:.3g} {unit}; {overshoot_pct:.3g} % overshoot and "
         "{settling_s:.3g} s on this linear model, not the 1 % and 0.27 s it was meant for; «pi_gains» 21,360 takes it"
