@@ -82,10 +82,10 @@ def test_the_page_says_where_its_numbers_come_from(whole: Any, files: dict[str, 
 
 def test_the_summary_and_the_tables_say_what_the_files_say(whole: Any, files: dict[str, Path]):
     fit, gains = (json.loads(files[name].read_text(encoding="utf-8")) for name in ("clutch.json", "gains.json"))
-    curves = fit["nonlinear"]["curves"]
+    levels = fit["friction"]["levels"]
     heads, *rows = whole.numbers["Values with 95 % intervals"]
     assert heads == ["level (%)", "Ts (N·m)", "τ1 (s)", "τ2 (s)"] and [row[0] for row in rows] == ["20", "60", "100"]
-    for row, one in zip(rows, (curves[0], curves[2], curves[-1]), strict=True):
+    for row, one in zip(rows, (levels[0], levels[2], levels[-1]), strict=True):
         for cell, name in zip(row[1:], ("Ts", "tau1", "tau2"), strict=True):
             low, high = one["ci95"][name]
             assert cell == f"{one[name]:.3g} ({low:.3g} … {high:.3g})"  # as the terminal has it
