@@ -18,7 +18,7 @@ from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import seen, tested, with_falls
-from eaid.recorded.from_logs import Setup, Solved, finished, fit_setup, idle_found, plant_found, setup_of
+from eaid.recorded.from_logs import Setup, Solved, ended_near, fit_setup, idle_found, plant_found, setup_of
 from eaid.recorded.inputs import MANY_LEVELS, Excited
 from eaid.recorded.kinds import (
     PRICE,
@@ -189,7 +189,7 @@ def as_pair(solved: Solved) -> Solved | None:
     begin = [coefficients, x[model.size : setup.shared]]
     for log, place in enumerate(setup.places):
         begin.append(np.append(x[place.own[0]], start_states(solved, log))[place.own >= 0])
-    return finished(pair, [np.concatenate(begin)])
+    return ended_near(pair, np.concatenate(begin))
 
 
 def with_own_falls(search: Search, rows: Sequence[Tried], clutch: Chosen, inputs: Excited) -> list[Tried]:
@@ -202,7 +202,7 @@ def with_own_falls(search: Search, rows: Sequence[Tried], clutch: Chosen, inputs
         names = seen(base.drives, base.model.low, inputs.stepwise, free=True)
     if not names:
         return list(rows)
-    both = lags[0], min(lags, key=lambda one: one.solved.setup.size)
+    both = list(dict.fromkeys((lags[0], min(lags, key=lambda one: one.solved.setup.size))))
     ended = [on_all(search, one, last=True) for one in both]
     fallen = [replace(one, solved=with_falls(one.solved, names)) for one in ended]
     return with_scores([*fallen, *(one for one in rows if one not in both)])
@@ -366,7 +366,7 @@ def answers(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
 def with_share_free(held: Solved) -> tuple[Solved, float] | None:
     """A fit with C free, and its half-width, where logs reject the one that was held and tell another."""
     setup, at = held.fitted, held.fitted.model.size
-    free = finished(replace(setup, model=replace(setup.model, share=None)), [np.insert(held.x, at, SHARE)])
+    free = ended_near(replace(setup, model=replace(setup.model, share=None)), np.insert(held.x, at, SHARE))
     noise = held.cost / independent_of(held)
     if free.cost > held.cost - float(chdtri(1, SHARE_CHANCE)) * noise or not 0 < free.x[at] < 1:
         return None
@@ -469,13 +469,16 @@ def start_states(solved: Solved, log: int) -> tuple[float, float]:
     return float(found[0]), float(found[1])
 
 
-def intervals(numbers: Callable[[Array], Array], x: Array, uncertainty: Spread, sizes: bool = True) -> list[Interval]:
-    """The 95 % intervals of numbers of the unknowns, (m,); of `sizes` above 0 on their logarithms. None: it says
-    nothing."""
+def intervals(
+    numbers: Callable[[Array], Array], x: Array, uncertainty: Spread, signed: Sequence[int] = ()
+) -> list[Interval]:
+    """The 95 % intervals of numbers of the unknowns, (m,), on their logarithms where they are above 0, but for those
+    that are `signed`. None: it says nothing."""
     found, gradients = list[Interval](), np.zeros((len(numbers(x)), len(x)))
     for k, step in enumerate(np.diag(1e-6 * np.maximum(np.abs(x), 1e-9))):
         gradients[:, k] = (numbers(x + step) - numbers(x - step)) / (2 * step[k])
-    for value, half in zip(numbers(x).tolist(), map(uncertainty.of, gradients), strict=True):
+    for k, (value, half) in enumerate(zip(numbers(x).tolist(), map(uncertainty.of, gradients), strict=True)):
+        sizes = k not in signed
         if sizes and value > 0 and half < WIDE_INTERVAL * value:
             found.append((value * float(np.exp(-half / value)), value * float(np.exp(half / value))))
         else:

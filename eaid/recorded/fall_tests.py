@@ -16,7 +16,7 @@ from scipy.special import fdtrc
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
-from eaid.recorded.from_logs import NO_EXTRAS, Solved, finished
+from eaid.recorded.from_logs import NO_EXTRAS, Solved, ended_near
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.recorded import FallTest
 
@@ -91,7 +91,7 @@ def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
     x, before, dead = base.x, base.fitted, base.fitted.at("dead")
     own = x[before.shared :] if dead < 0 else np.append(x[dead], x[before.shared :])
     extras = names if dead < 0 else (*names, "dead")
-    return finished(replace(before, extras=extras), [np.r_[x[: before.model.size], begin, own]])
+    return ended_near(replace(before, extras=extras), np.r_[x[: before.model.size], begin, own])
 
 
 def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:

@@ -183,8 +183,7 @@ def linear_of_logs(
             one = parameters(model, x[: model.size])
             return np.array([one.a0, one.b0, one.c0])
 
-        (a0, b0, _), (*_, c0) = (intervals(numbers, solved.x, known, sizes) for sizes in (True, False))
-        ends = PooledIntervals(a0=a0, b0=b0, c0=c0)
+        ends = PooledIntervals(*intervals(numbers, solved.x, known, signed=(2,)))
     total = errors(solved.outputs, solved.missed)
     p = replace(plant_found(base), dead_time_s=0.0)  # steps from rest of it to each level, behind its dead time
     slowest = p.slowest_s(levels)

@@ -371,14 +371,14 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     return Solved(setup, end.x, end.cost, solver)
 
 
-def with_dead_time(setup: Setup, x: Array) -> Solved:
-    """A fit whose dead time is an unknown, near x, that of `setup` its place in x.
+def ended_near(setup: Setup, x: Array) -> Solved:
+    """The fit near x, on every sample.
 
-    Where a dead time falls on a sample the cost has a bend, and no derivative there says that it is least: what is left
-    is then solved with the dead time held.
+    Where a dead time that is an unknown falls on a sample the cost has a bend, and no derivative there says that it is
+    least: what is left is then solved with the dead time held.
     """
     solved, at = finished(setup, [x]), setup.at("dead")
-    if solved.solver.converged:
+    if solved.solver.converged or at < 0:
         return solved
     theta = float(solved.x[at])
     others = tuple(name for name in setup.extras if name != "dead")

@@ -25,7 +25,7 @@ from eaid.plant.drive import Drive, beginning, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
 from eaid.recorded.few_rows import MOVING_ROWS, Copies
-from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, finished, setup_of, with_dead_time
+from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, ended_near, setup_of
 from eaid.recorded.log_intervals import correlation_s
 
 GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 18  # Of the grid
@@ -278,7 +278,7 @@ def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     if not last:
         end = approach(setup.problem(), solved.x, near=KINDS_SETTLED)
         return replace(one, solved=replace(solved, fitted=setup, x=end.x, cost=end.cost), within=0.0)
-    ended = with_dead_time(setup, solved.x) if "dead" in setup.extras else finished(setup, [solved.x])
+    ended = ended_near(setup, solved.x)
     problem = setup.every.problem()
     if ended.cost <= 1e3 * problem.floor:  # no noise: steps too small to be seen in the cost go to the last digits
         x = ended.x

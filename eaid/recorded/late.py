@@ -26,7 +26,7 @@ from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
 from eaid.recorded.few_rows import Copies
-from eaid.recorded.from_logs import Setup, Solved, fit_setup, setup_of, with_dead_time
+from eaid.recorded.from_logs import Setup, Solved, ended_near, fit_setup, setup_of
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 REST_COST = 2.0
@@ -111,7 +111,7 @@ def timed(
     if dead_s:
         x, setup = base.x, base.fitted
         at = setup.shared
-        base = with_dead_time(replace(setup, extras=(*setup.extras, "dead")), np.r_[x[:at], dead_s, x[at:]])
+        base = ended_near(replace(setup, extras=(*setup.extras, "dead")), np.r_[x[:at], dead_s, x[at:]])
     return Timed(base, acting, late)
 
 
