@@ -63,13 +63,14 @@ def swinging_sums(drive: Drive, gains: Array, tau: float, zeta: float) -> Array:
     return sums
 
 
-LAG = np.ix_([0, 1, 2, 3, 5], [0, 1, 2, 3, 5])  # Where sums of two lags in parallel lie among `swinging_sums`
+LAG = np.array([0, 1, 2, 3, 5])  # Where sums of two lags in parallel lie among `swinging_sums`
 
 
-def lag_sums(drive: Drive, tau: float) -> Array:
-    """The same of one lag, two in parallel with C = 1; without the rate of the state."""
-    one, sums = np.ones((1, len(drive.duty))), np.zeros((6, 6))
-    sums[LAG] = linear_sums(drive, drive.duty[:, None], tau * one, one, np.ones(1))[0]
+def lag_sums(drive: Drive, taus: Array) -> Array:
+    """The same of one lag with each of some τ, (n, 6, 6), two in parallel with C = 1; without the rate of the state."""
+    ones, sums = np.ones((len(taus), len(drive.duty))), np.zeros((len(taus), 6, 6))
+    found = linear_sums(drive, drive.duty[:, None], taus[:, None] * ones, ones, np.ones(len(taus)))
+    sums[:, LAG[:, None], LAG] = found
     return sums
 
 

@@ -14,6 +14,7 @@ from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
+from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.curve_intervals import curves
@@ -305,9 +306,12 @@ def switched_on(log: RecordedLog, inputs: Excited) -> RecordedLog:
 
 def quick_cost(search: Search) -> float:
     """Squares that the best lag near a few with dead times leaves."""
-    taus = np.geomspace(search.shortest_s, search.longest_s, 12).tolist()
-    delays = [0.0, *np.geomspace(0.5 * search.shortest_s, 0.2 * search.longest_s, 8).tolist()]
-    least, tau, theta = min((search.cost(theta, tau, np.inf), tau, theta) for tau in taus for theta in delays)
+    shapes = [(tau, np.inf) for tau in np.geomspace(search.shortest_s, search.longest_s, 12).tolist()]
+    rows = list[tuple[float, float, float]]()
+    for theta in (0.0, *np.geomspace(0.5 * search.shortest_s, 0.2 * search.longest_s, 8).tolist()):
+        costs = search.costs([delayed(drive, theta) for drive in search.drives], shapes)[:, 0].tolist()
+        rows += [(cost, tau, theta) for cost, (tau, _) in zip(costs, shapes, strict=True)]
+    least, tau, theta = min(rows)
     apart = FARTHEST
     while apart > NEAREST:  # between these, by a pattern that halves
         factor = 1 + apart

@@ -113,29 +113,32 @@ class Search:
 
     def cost(self, theta: float, tau: float, zeta: float) -> float:
         """Squares left without a zero at a place of the grid."""
-        return self.costs([delayed(drive, theta) for drive in self.drives], tau, zeta)[0]
+        return float(self.costs([delayed(drive, theta) for drive in self.drives], [(tau, zeta)])[0, 0])
 
-    def costs(self, late: Sequence[Drive], tau: float, zeta: float) -> tuple[float, float]:
-        """Squares left, all that is linear solved for, without and with a zero; by series' law, one lag at ζ = ∞.
-
-        `late` are the drives behind the dead time of the place.
-        """
-        total, one_lag, parts = 0.0, math.isinf(zeta), []
-        for drive in late:
-            sums = lag_sums(drive, tau) if one_lag else swinging_sums(drive, drive.duty, tau, zeta)
-            free = [not drive.idle_known, not drive.starts_idle, not drive.starts_idle and not one_lag]
-            own = [1 + k for k, is_free in enumerate(free) if is_free]
-            # what a log has for itself goes first
-            back = np.linalg.pinv(sums[np.ix_(own, own)], hermitian=True, rcond=1e-12) if own else np.zeros((0, 0))
-            cross = sums[np.ix_([0, 4, 5], own)]
-            parts.append(sums[np.ix_([0, 4, 5], [0, 4, 5])] - cross @ back @ cross.T)
-            total += drive.left
-        A = np.sum(parts, axis=0)
-        found = []
-        for shared in ([0], [0] if one_lag else [0, 1]):
-            b, among = A[shared, 2], A[np.ix_(shared, shared)]
-            found.append(total + float(A[2, 2] - b @ np.linalg.pinv(among, hermitian=True, rcond=1e-12) @ b))
-        return found[0], found[1]
+    def costs(self, late: Sequence[Drive], shapes: Sequence[tuple[float, float]]) -> Array:
+        """Squares left, all that is linear solved for, without and with a zero, (n, 2), of n pairs of τ and ζ; by
+        series' law, one lag at ζ = ∞. `late` are the drives behind the dead time of the places."""
+        found = np.empty((len(shapes), 2))
+        for one_lag in (True, False):
+            at = [k for k, (_, zeta) in enumerate(shapes) if math.isinf(zeta) == one_lag]
+            parts, total = np.zeros((len(at), 3, 3)), 0.0
+            for drive in late if at else ():
+                if one_lag:
+                    sums = lag_sums(drive, np.array([shapes[k][0] for k in at]))
+                else:
+                    sums = np.array([swinging_sums(drive, drive.duty, *shapes[k]) for k in at])
+                free = [not drive.idle_known, not drive.starts_idle, not drive.starts_idle and not one_lag]
+                own = [1 + k for k, is_free in enumerate(free) if is_free]
+                # what a log has for itself goes first
+                back = np.linalg.pinv(sums[:, own][:, :, own], hermitian=True, rcond=1e-12) if own else sums[:, :0, :0]
+                cross = sums[:, [0, 4, 5]][:, :, own]
+                parts += sums[:, [0, 4, 5]][:, :, [0, 4, 5]] - cross @ back @ cross.swapaxes(1, 2)
+                total += drive.left
+            for column, shared in enumerate(([0], [0] if one_lag else [0, 1])):
+                b, among = parts[:, shared, 2], parts[:, shared][:, :, shared]
+                back = np.linalg.pinv(among, hermitian=True, rcond=1e-12)
+                found[at, column] = total + parts[:, 2, 2] - np.einsum("ki,kij,kj->k", b, back, b)
+        return found
 
     def grid(self) -> list["GridPlace"]:
         """The squares left at every place of it."""
@@ -146,8 +149,10 @@ class Search:
         shapes += [(1 / w, zeta) for w in peaks(self) for zeta in GRID_DAMPINGS[:2]]
         found = []
         for theta in thetas if self.dead_time_s is None else [self.dead_time_s]:
-            late = [delayed(beginning(drive, GRID_ROWS), theta) for drive in self.drives]
-            found += [GridPlace(tau, zeta, theta, self.costs(late, tau, zeta)) for tau, zeta in shapes]
+            costs = self.costs([delayed(beginning(drive, GRID_ROWS), theta) for drive in self.drives], shapes).tolist()
+            found += [
+                GridPlace(*shape, theta, (plain, zero)) for shape, (plain, zero) in zip(shapes, costs, strict=True)
+            ]
         return found
 
 
