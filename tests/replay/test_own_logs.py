@@ -97,6 +97,7 @@ def test_an_overshoot_falls_as_it_rises(tmp_path):
     assert min(held_against(tmp_path, logs_as="steps", **UNITS).values()) > 96
 
 
+@pytest.mark.slow  # tests/estimate/test_level_values: kinds of steps
 def test_steps_that_ring_are_no_lag_behind_a_dead_time():
     t, random = np.arange(0.0, 22.0, 0.01), np.random.default_rng(3)
     logs = {}
