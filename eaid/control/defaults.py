@@ -28,7 +28,7 @@ from eaid.apparatus import Apparatus
 from eaid.control.design import Design, robust_of
 from eaid.control.gains import Bounds
 from eaid.control.kinds import Law, rc_law
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, margins
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, holds
 from eaid.control.pi import PIGains, pi_gains
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.options import TuneOptions
@@ -169,7 +169,7 @@ def quickest(
                 pi = law(*pi_gains(model, overshoot_pct, settling_s))
             except GainsError:  # slower than integral control alone
                 break
-            if all(enough(margins(pi, point, each)) for each in timings for point in points):
+            if all(holds(pi, point, each) for each in timings for point in points):
                 return AskedPI(overshoot_pct, settling_s)
     return None
 
@@ -206,6 +206,7 @@ def workable_rc(
     if options.epsilon is not None or options.gamma is not None:
         return design
     papers = scales.paper and not timing.delay_samples
+    least = (0.0, -180.0) if papers else (ENOUGH_DB, ENOUGH_DEG)  # its numbers stand wherever the loop is stable
     tried = [design]
     if pi.K_I and not papers and options.kp is None and options.kd is None and options.natural_frequency is None:
         B_hat = robust_of(model, bounds, design).B_hat
@@ -216,8 +217,7 @@ def workable_rc(
         for k in range(MOST_STEPS):
             wider = replace(one, epsilon=one.epsilon * SLOWER**k, gamma=one.gamma / SLOWER**k)
             law = rc_law(model, robust_of(model, bounds, wider), wider.duty_limits_pct)
-            loops = (margins(law, point, timing) for point in points)
-            if all(each.stable if papers else enough(each) for each in loops):
+            if all(holds(law, point, timing, *least) for point in points):
                 return wider
     return design
 

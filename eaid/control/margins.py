@@ -143,6 +143,16 @@ def enough(margin: Margin) -> bool:
     return bool(margin.stable) and gain_db >= ENOUGH_DB and phase_deg >= ENOUGH_DEG
 
 
+def holds(gains: Law, point: Point, timing: Timing, least_db: float = ENOUGH_DB, least_deg: float = ENOUGH_DEG) -> bool:
+    """Whether a loop has so much margin around an operating point, which a search for a design asks of many: `margins`
+    without how much it has."""
+    (law, _), plant = law_around(gains, point.torque_nm, point.duty_pct), point.plant
+    for db in (least_db, *np.arange(0.0, least_db, STEP_DB).tolist()):
+        if spectral_radius(law, plant, timing, 10 ** (db / 20)) >= 1:
+            return False
+    return min(crossovers(law, plant, timing), default=(math.inf, 0.0))[0] >= math.radians(least_deg)
+
+
 @lru_cache(maxsize=100)  # the loop that a design settles on is among those it tried
 def margins(gains: Law, point: Point, timing: Timing) -> Margin:
     """Gain and phase margin of a controller around an operating point, the least where there are several. None for a

@@ -129,7 +129,7 @@ def test_behind_a_dead_time_longer_than_its_lag_there_is_no_robust_controller(la
 def test_the_margins_are_python_controls(small_fit: Any) -> None:
     """Around a level behind 20 samples of dead time: the exact sampled loop, its delays as states."""
     control = pytest.importorskip("control")
-    from eaid.control.margins import Point, margins
+    from eaid.control.margins import Point, enough, holds, margins
     from eaid.control.pi import PIGains
     from eaid.results.gains import Timing
 
@@ -145,6 +145,11 @@ def test_the_margins_are_python_controls(small_fit: Any) -> None:
         found = margins(pi, Point(60.0, 1.0, one), Timing(1 / h, None, late))
         assert found.gain_db == pytest.approx(20 * np.log10(gain), abs=0.05)
         assert found.phase_deg == pytest.approx(phase_deg, abs=0.3)
+        for part in (0.1, 0.3, 0.5, 0.7, 1.0, 3.0):  # what a search asks is what it has
+            slower, at = PIGains(part * 20.0, part * 15.0), Point(60.0, 1.0, one)
+            known = margins(slower, at, Timing(1 / h, None, late))
+            assert holds(slower, at, Timing(1 / h, None, late)) == enough(known)
+            assert holds(slower, at, Timing(1 / h, None, late), 0.0, -180.0) == known.stable
 
 
 def test_a_dead_time_that_is_given_is_held(small_steps: Any) -> None:
