@@ -18,10 +18,10 @@ test: .venv/.test  ## all that guards a change, in five minutes on two cores
 	$(MAKE) --no-print-directory -j 2 quick check
 
 quick: .venv/.test
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not slow"
+	$(BIN)/python -m pytest -n 2 -m "not slow"
 
 test-all: check .venv/.dev  ## and the slow ones: coverage of intervals, emulators, browsers, kills, hypothesis at length
-	$(BIN)/python -m pytest -n 2 --dist loadgroup
+	$(BIN)/python -m pytest -n 2
 
 check: .venv/.test
 	$(BIN)/ruff check .

@@ -80,12 +80,18 @@ def loaded(plain: dict[str, Any]) -> Any:
         return eaid.load(path)
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the tests of a room with data sets of its own in one process (`--dist loadgroup`), the others by file."""
-    for item in items:
-        shares = (item.path.parent / "conftest.py").exists() and item.path.parent != ROOT / "tests"
-        item.add_marker(pytest.mark.xdist_group(str((item.path.parent if shares else item.path).relative_to(ROOT))))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Tests of a room with data sets of its own go to one process, the others file by file."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class ByRoom(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            path = ROOT / nodeid.partition("::")[0]
+            shares = (path.parent / "conftest.py").exists() and path.parent != ROOT / "tests"
+            return str(path.parent if shares else path)
+
+    return ByRoom(config, log)
 
 
 @dataclass(frozen=True)
