@@ -126,13 +126,15 @@ def plant_of_logs(
         raise DataError(*(turned_round(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds)
-    told = [*_told(best, kinds, logs), *(more for one, log in zip(late, noted, strict=True) for more in one.told(log))]
-    chosen = Chosen(best.solved, tuple(logs), (), kinds, told, late)
     pair = as_pair(best.solved) if falls and explains and not (signed or answers(best.solved, logs)) else None
-    if pair is None:
-        return chosen
-    solved, of_falls, found = tested(pair, inputs.stepwise, free=True)
-    return replace(chosen, solved=best.solved if solved is pair else solved, falls=of_falls, findings=[*told, *found])
+    of_falls, found = tuple[FallTest, ...](), tuple[Finding, ...]()
+    if pair is not None:
+        solved, of_falls, found = tested(pair, inputs.stepwise, free=True)
+        if solved is not pair:  # the kind that is taken, with its falls
+            best = replace(best, solved=solved)
+            kinds = (kind_row(best, total, best.score), *kinds[1:])
+    told = [*_told(best, kinds, logs), *(more for one, log in zip(late, noted, strict=True) for more in one.told(log))]
+    return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], late)
 
 
 def beside_the_clutch(

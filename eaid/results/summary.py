@@ -128,10 +128,11 @@ def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     for key, (value, ends) in part.numbers.items():
         name = "τ" if key == "tau1" and part.kind == "lag" else CALLED.get(key, key)
         span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
+        unit = units.get(key, " s")
         if part.paced and key in LAGS:
-            low, high = (part.at(u)[key][0] for u in part.u_range)
-            span, value = f" … {high:.4g} over the input", low
-        found.append((name, f"{value:.4g}{span}{units.get(key, ' s')}"))
+            value, high = (part.at(u)[key][0] for u in part.u_range)
+            span, unit = f" … {high:.4g}", f"{unit} over the input"
+        found.append((name, f"{value:.4g}{span}{unit}"))
     return found
 
 

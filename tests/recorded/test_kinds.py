@@ -301,6 +301,9 @@ def test_one_lag_and_an_overshoot_have_falls_of_their_own(C: float, tmp_path: Pa
     assert fit.plant.tau1[0] == pytest.approx(0.3, rel=0.02) and abs(fit.plant.C - C) < 0.01
     assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01) and fit.logs[0].fit_pct > 98
     assert {"falls-differ", "release-differs"} <= {one.code for one in fit.findings}
+    assert fit.plant_.tried[0].fit_pct == pytest.approx(
+        fit.logs[0].fit_pct, abs=0.01
+    )  # one number, not that before them
     assert any(point.falling for point in eaid.tune_rc(fit).margins.points)
 
 
