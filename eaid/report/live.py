@@ -61,7 +61,7 @@ def live_of(sheet: Sheet) -> Markup:
         if items:
             legend = Legend(items=items, click_policy="hide", orientation="horizontal", label_text_font_size="12px")
             legend.border_line_color = legend.background_fill_color = None
-            legend.spacing, legend.padding, legend.margin, legend.ncols = 8, 2, 0, 5  # type: ignore[assignment]
+            legend.spacing, legend.padding, legend.margin, legend.ncols = 8, 2, 0, 5
             p.add_layout(legend, "above")
         across = panel.x.name.split(" ")[0].lower()
         values = (across, f"$x{{0.000}} {plain(panel.x.unit)}"), ("value", f"$y{{0.000}} {plain(panel.y.unit)}")

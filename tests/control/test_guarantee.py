@@ -91,7 +91,9 @@ CASES = {  # range [N·m], slope [N·m/s]: the verdict, and what must fail
 @pytest.mark.parametrize(
     "case",
     [
-        pytest.param(case, marks=[pytest.mark.slow] if case in ("low down", "over the whole range") else [])
+        pytest.param(
+            case, marks=[pytest.mark.slow] if case in ("low down", "over the whole range", "in the middle") else []
+        )
         for case in CASES
     ],
 )

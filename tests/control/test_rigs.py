@@ -228,9 +228,9 @@ def test_gains_json_by_another_hand_is_held_to_what_a_loop_takes(fit_of, tmp_pat
 
 
 @pytest.mark.parametrize("plant", [
-    Plant((0.55,), (0.55,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=1.2),
+    pytest.param(Plant((0.55,), (0.55,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=1.2), marks=pytest.mark.slow),
     Plant((0.2,), (0.2,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=0.3),
-    Plant((0.2,), (1.5,), (0.0, 0.04), (20.0, 100.0), C=1.5),
+    pytest.param(Plant((0.2,), (1.5,), (0.0, 0.04), (20.0, 100.0), C=1.5), marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_rc_has_its_margins_on_kinds_that_the_papers_numbers_are_not_for(plant):
     """In % and N·m, as the paper's clutch: K_P and K_D of its pace leave 34°, 5 dB and 1 dB."""

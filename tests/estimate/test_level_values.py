@@ -154,7 +154,7 @@ def test_two_lags_that_meet_are_told_as_the_kind_that_they_are() -> None:
     assert (fast, slow) == pytest.approx((8, 107), rel=0.15) and plant.dead_time_s == pytest.approx(3, abs=1)
 
 
-@pytest.mark.parametrize("kind", ["lag", "series"])
+@pytest.mark.parametrize("kind", ["lag", pytest.param("series", marks=pytest.mark.slow)])
 def test_steps_of_another_kind_are_as_sure_as_their_runs_are_alike(kind: str) -> None:
     """Gains that scatter by 3 %: the gain of a plant is known as well as the mean of three runs, and not as the mean
     curves are, which noise of 0.5 % leaves open by 0.1 %."""
@@ -184,8 +184,8 @@ TWO, FOUR = (30.0, 90.0), (30.0, 50.0, 70.0, 90.0)
 
 @pytest.mark.parametrize(
     ("levels", "zeta", "rows"),
-    [(TWO, 1.4, 8000), (FOUR, 0.44, 1600),
-     *(pytest.param(*more, marks=pytest.mark.slow) for more in ((FOUR, 1.4, 8000), (TWO, 0.44, 1600)))],
+    [(TWO, 1.4, 8000), *(pytest.param(*more, marks=pytest.mark.slow)
+                         for more in ((FOUR, 0.44, 1600), (FOUR, 1.4, 8000), (TWO, 0.44, 1600)))],
 )  # fmt: skip
 def test_another_kind_goes_through_the_steady_output_of_every_level(
     levels: tuple[float, ...], zeta: float, rows: int

@@ -172,7 +172,7 @@ def test_a_loops_law_is_found() -> None:
     assert "duty-follows-output" not in codes(fit_recorded(free, PLAIN))
 
 
-@pytest.mark.parametrize("dead_rows", [0, 3])
+@pytest.mark.parametrize("dead_rows", [pytest.param(0, marks=pytest.mark.slow), 3])
 def test_a_loop_that_answers_noise_at_rest_is_fitted_by_instruments_behind_its_dead_time(dead_rows: int) -> None:
     """A PI that is on from the first row: its duty is never 0, and what it does answers the noise."""
     random, n, dt = np.random.default_rng(5), 4000, 0.02

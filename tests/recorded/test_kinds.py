@@ -166,14 +166,15 @@ def test_a_dead_time_that_falls_on_a_sample_has_converged() -> None:
     assert fit.converged and fit.verdict.usable and fit.plant.dead_time_s == pytest.approx(0.06, abs=0.003)
 
 
-def test_a_gain_below_zero_is_refused_and_noise_alone_is_no_plant() -> None:
+@pytest.mark.parametrize("seed", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_gain_below_zero_is_refused_and_noise_alone_is_no_plant(seed: int) -> None:
+    """A lag of a gain below zero, and an integrator, explain it as well as any."""
     log = log_of(KINDS["lag+dead"])
     log["speed_rpm"] = 50.0 - log.speed_rpm
     with pytest.raises(eaid.DataError, match="its output falls where its input rises"):
         fitted(log)
-    for seed in (0, 2):  # which a lag of a gain below zero, and an integrator, explain as well as any
-        log["speed_rpm"] = np.random.default_rng(seed).normal(size=len(log))
-        assert "no-kind-explains" in [one.code for one in fitted(log, ci="none", shape="one").verdict.reasons]
+    log["speed_rpm"] = np.random.default_rng(seed).normal(size=len(log))
+    assert "no-kind-explains" in [one.code for one in fitted(log, ci="none", shape="one").verdict.reasons]
 
 
 def test_a_log_that_was_noted_late_is_replayed_as_it_was_fitted(tmp_path: Path) -> None:
@@ -204,7 +205,7 @@ def test_steps_that_ring_are_one_step_each_where_their_input_is_told() -> None:
         ("lag", 3),
         ("ringing", 3),
         pytest.param("series", 3, marks=pytest.mark.slow),
-        ("series", 1),
+        pytest.param("series", 1, marks=pytest.mark.slow),
         pytest.param("series", 2, marks=pytest.mark.slow),
     ],
 )
@@ -221,7 +222,7 @@ def test_an_input_noted_late_is_told_of_every_kind_and_bends_none(name: str, row
     assert found == pytest.approx(true, rel=0.02)
 
 
-@pytest.mark.parametrize("held", [0.0, 100.0, 30.0])
+@pytest.mark.parametrize("held", [*(pytest.param(u, marks=pytest.mark.slow) for u in (0.0, 100.0)), 30.0])
 def test_a_log_that_begins_with_its_input_on(held: float, tmp_path: Path) -> None:
     """Switched on, or from 30 to 100, at its first row, one lag was told as two with a zero: what the dead time holds
     back was a state."""
@@ -290,7 +291,7 @@ def test_time_constants_that_go_with_the_input(kind: str, tmp_path: Path) -> Non
     assert all(point.loops["pi"].gain_db >= 6 and point.loops["pi"].phase_deg >= 45 for point in gains.margins.points)
 
 
-@pytest.mark.parametrize("C", [1.0, 1.4])
+@pytest.mark.parametrize("C", [pytest.param(1.0, marks=pytest.mark.slow), 1.4])
 def test_one_lag_and_an_overshoot_have_falls_of_their_own(C: float, tmp_path: Path) -> None:
     """τ1 was 23 % low where falls take 0.6 of the time, without a word."""
     tau2 = 0.3 if C == 1 else 2.0

@@ -100,7 +100,7 @@ def test_an_input_below_rest_has_the_gain_that_its_log_shows(sign):
     assert fit.logs[0].fit_pct > 98
 
 
-@pytest.mark.parametrize("step", [0.01, 0.05])
+@pytest.mark.parametrize("step", [pytest.param(0.01, marks=pytest.mark.slow), 0.05])
 def test_an_output_that_has_settled_on_a_coarse_sensor_is_no_stuck_one(step):
     t, random = np.arange(4000) * 0.02, np.random.default_rng(3)
     u = np.repeat(np.append([0.0, 0.0], random.choice([0.0, 40.0, 80.0, 100.0], 14)), 250)

@@ -22,7 +22,8 @@ def curve(t: Any, Ts: float, tau1: float, tau2: float, share: float = 0.85) -> A
 
 
 @pytest.mark.parametrize(
-    ("duration_s", "rate_hz", "share"), [(20.0, 500.0, 0.85), (20.0, 25.0, 0.85), (20.0, 50.0, 0.7)]
+    ("duration_s", "rate_hz", "share"),
+    [(20.0, 500.0, 0.85), *(pytest.param(20.0, *more, marks=pytest.mark.slow) for more in ((25.0, 0.85), (50.0, 0.7)))],
 )
 def test_ten_coefficients_of_the_reference_plant(duration_s: float, rate_hz: float, share: float) -> None:
     t = np.arange(round((duration_s + 2) * rate_hz)) / rate_hz
