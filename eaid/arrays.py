@@ -35,6 +35,11 @@ def white_squares(values: Array) -> float:
     return float(between @ between) / 2
 
 
+def means_of(values: Array, rows: int) -> Array:
+    """Means over so many rows each, (n, …) → (n // rows, …); what is left at the end is not in them."""
+    return np.asarray(values[: len(values) // rows * rows].reshape(-1, rows, *values.shape[1:]).mean(axis=1))
+
+
 def median(values: ArrayLike) -> float:
     """Median of all numbers of an array; NaN where there are none, or one of them is NaN.
 

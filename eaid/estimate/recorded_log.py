@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array, read_only
+from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Beside, Run
+from eaid.plant.drive import Drive
 from eaid.steps.noise import sample_noise
 from eaid.steps.stepset import StepSet
 
@@ -64,9 +65,28 @@ class RecordedLog:
         return read_only(np.append(np.where(np.abs(steps - usual) <= ROUNDED * usual, usual, steps), 0.0))
 
     @cached_property
+    def usual_s(self) -> float:
+        """Usual time between two rows [s]."""
+        return median(self.dt_s)
+
+    @cached_property
     def changes(self) -> NDArray[np.intp]:
         """Rows from which another input acts, the first row among them."""
         return np.append(0, np.flatnonzero(self.input[1:] != self.input[:-1]) + 1)
+
+    @cached_property
+    def drive(self) -> Drive:
+        """What drives the plant, row by row; one whose output is not finite is passed through and not compared."""
+        at = self.changes
+        level, lasts, rising = self.input[at], np.diff(np.append(at, len(self.input))), np.ones(len(at), dtype=np.int64)
+        if self.stepwise:
+            rising[1:][(level[1:] < level[:-1]) & (level[1:] > 0)] = -1
+        duty, index = np.unique(level, return_inverse=True)
+        above, known = self.output - (self.baseline or 0.0), np.isfinite(self.output)
+        return Drive(
+            np.array(self.dt_s), np.repeat(index.astype(np.int64), lasts), duty, np.repeat(rising, lasts),
+            np.where(known, above, 0.0), np.where(known, self.weight, 0.0), self.baseline is not None, self.starts_idle,
+        )  # fmt: skip
 
     @property
     def stepwise(self) -> bool:
@@ -79,7 +99,7 @@ class RecordedLog:
         size = np.abs(self.input)
         acting = float(self.dt_s[size > 0].sum())
         at_top = float(self.dt_s[size >= size.max() * (1 - 1e-9)].sum())
-        return at_top / acting if acting > 0 and at_top > 2 * float(np.median(self.dt_s)) else 0.0
+        return at_top / acting if acting > 0 and at_top > 2 * self.usual_s else 0.0
 
 
 def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:

@@ -113,8 +113,11 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
         return NewtonStep(np.zeros_like(x), np.inf, ())
     lower = whiten(curvature)
     back = np.linalg.inv(lower)
-    q = back @ gradient
-    free = -(q @ back)
+    with np.errstate(over="ignore", invalid="ignore"):
+        q = back @ gradient
+        free = -(q @ back)
+    if not np.isfinite(free).all():  # only rounding determines it
+        return NewtonStep(np.zeros_like(x), 0.0, ())
     slack = problem.A @ x - problem.b
     moved = slack + problem.A @ free
     if not len(slack) or moved.min() >= 0:

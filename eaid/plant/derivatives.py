@@ -34,18 +34,22 @@ def acting_tau(
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def derivatives(drive: Drive, tables: Tables, scalars: Array, place: Integers, count: int) -> Array:
-    """√w times the derivatives by `count` unknowns, then √w times the residual, of the rows that count, (N, count + 1).
+def derivatives(
+    drive: Drive, tables: Tables, scalars: Array, place: Integers, state: Array, first_row: int, end: int
+) -> Array:
+    """√w times the derivatives by p unknowns, then √w times the residual, of the rows that count of some of a drive's
+    from `first_row` on, (N, p + 1).
 
     One lag, or two in parallel. The coefficients of T_s, τ1 and τ2 come first. `place` has the columns of `scalars`,
-    (10,); what is no unknown has the column −1, the last, which nobody reads.
+    (10,); what is no unknown has the column −1, the last, which nobody reads. `state`, (2, p + 3), is taken from the
+    rows before and left for those behind: as `at_first` has it, the states' derivatives, themselves and their rates.
     """
     n_s, weights, share = tables.by_steady.shape[1], drive.w, scalars[AT_SHARE]
-    x, before, g, last_step = scalars[AT_START:].copy(), np.zeros(2), np.zeros(2), 0.0
-    sens, rate = np.zeros((2, count + 1)), np.zeros(2)
-    sens[0, place[AT_START]] = sens[1, place[AT_START + 1]] = 1.0
-    out, row = np.empty((np.count_nonzero(weights), count + 1)), 0
-    for k in range(len(weights)):
+    count = state.shape[1] - 3
+    sens, x, rate = state[:, : count + 1].copy(), state[:, count + 1].copy(), state[:, count + 2].copy()
+    before, g, last_step = np.zeros(2), np.zeros(2), 0.0
+    out, row = np.empty((np.count_nonzero(weights[first_row:end]), count + 1)), 0
+    for k in range(first_row, end):
         if weights[k] > 0.0:
             root = np.sqrt(weights[k])
             for j in range(count):
@@ -89,7 +93,16 @@ def derivatives(drive: Drive, tables: Tables, scalars: Array, place: Integers, c
             rate[s] = -(off - g[s] * off) / tau
             first += by_curve.shape[1]
         last_step = step
+    state[:, : count + 1], state[:, count + 1], state[:, count + 2] = sens, x, rate
     return out
+
+
+def at_first(scalars: Array, place: Integers, count: int) -> Array:
+    """The states at the first row of a drive, with their derivatives by `count` unknowns before and rates behind them,
+    (2, count + 3)."""
+    sens = np.zeros((2, count + 1))
+    sens[0, place[AT_START]] = sens[1, place[AT_START + 1]] = 1.0
+    return np.column_stack([sens, scalars[AT_START:], np.zeros(2)])
 
 
 swung = numba.njit(cache=True, error_model="numpy")(swing)
@@ -109,16 +122,16 @@ def by_damping(zeta: float, s: float, c: float, n: float) -> tuple[float, float]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def swinging(drive: Drive, tables: Tables, scalars: Array, place: Integers, count: int) -> Array:
+def swinging(
+    drive: Drive, tables: Tables, scalars: Array, place: Integers, state: Array, first_row: int, end: int
+) -> Array:
     """The same of two lags in series, or ringing: `tables` has 1/ω as τ1 and ζ as τ2, `scalars` z in place of C."""
     n_s, weights, z = tables.by_steady.shape[1], drive.w, scalars[AT_SHARE]
-    n_t = tables.by_tau1.shape[1]
-    x1, x2 = scalars[AT_START], scalars[AT_START + 1]
-    sens = np.zeros((2, count + 1))
-    sens[0, place[AT_START]] = sens[1, place[AT_START + 1]] = 1.0
-    out, row, rate1, rate2 = np.empty((np.count_nonzero(weights), count + 1)), 0, 0.0, 0.0
+    n_t, count = tables.by_tau1.shape[1], state.shape[1] - 3
+    sens, (x1, x2, rate1, rate2) = state[:, : count + 1].copy(), state[:, count + 1 :].T.ravel()
+    out, row = np.empty((np.count_nonzero(weights[first_row:end]), count + 1)), 0
     c, n, c_zeta, n_zeta, last, last_tau, last_zeta = 1.0, 0.0, 0.0, 0.0, -1.0, -1.0, -1.0
-    for k in range(len(weights)):
+    for k in range(first_row, end):
         if weights[k] > 0.0:
             root = np.sqrt(weights[k])
             for j in range(count):
@@ -157,4 +170,6 @@ def swinging(drive: Drive, tables: Tables, scalars: Array, place: Integers, coun
             sens[1, n_s + n_t + j] += by_zeta2 * tables.by_tau2[i, j]
         x1, x2 = tables.steady[i] + to1, to2
         rate1, rate2 = to2 / tau, -(to1 + 2.0 * zeta * to2) / tau
+    state[:, : count + 1] = sens
+    state[0, count + 1], state[1, count + 1], state[0, count + 2], state[1, count + 2] = x1, x2, rate1, rate2
     return out

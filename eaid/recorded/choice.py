@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from scipy.special import chdtri
 
-from eaid.arrays import Array, median, white_squares
+from eaid.arrays import Array, white_squares
 from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted
@@ -263,7 +263,7 @@ def _late_by(
     if options.held_dead_time_s is not None:
         return late
     if (theta_s := solved.fitted.dead_time(solved.x)) > 0:
-        back = [int(theta_s / median(log.dt_s) + WHOLE_ROW) for log in acting]
+        back = [int(theta_s / log.usual_s + WHOLE_ROW) for log in acting]
         moved = [one.later(-by) for one, by in zip(late, back, strict=True)]
     else:
         alone = any(len(log.changes) >= LEAST_CHANGES or not log.starts_idle for log in acting)

@@ -113,7 +113,7 @@ def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
     found = _by_instruments(base, logs, laws) if any(laws) else None
     if found is None or base.fitted.dead_time_s or "dead" in base.fitted.extras:
         return found or base
-    at, dt_s = base.fitted.shared, median([median(log.dt_s) for log in logs])
+    at, dt_s = base.fitted.shared, median([log.usual_s for log in logs])
     with_dead = replace(base.fitted, extras=(*base.fitted.extras, "dead"))
     late = _by_instruments(replace(found, fitted=with_dead, x=np.insert(found.x, at, dt_s)), logs, laws)
     if late is None or late.x[at] < SHOWN * spread(late).of(np.eye(len(late.x))[at]):

@@ -24,19 +24,10 @@ class Copies:
     log: RecordedLog
     dead_time_s: float = 0.0  # Near which a fit's θ lies [s]: the few rows are exact for it and some samples about it
 
-    @cached_property
+    @property
     def every(self) -> Drive:
-        """Every row; one whose output is not finite is passed through and not compared."""
-        log, at = self.log, self.log.changes
-        level, lasts, rising = log.input[at], np.diff(np.append(at, len(log.input))), np.ones(len(at), dtype=np.int64)
-        if log.stepwise:
-            rising[1:][(level[1:] < level[:-1]) & (level[1:] > 0)] = -1
-        duty, index = np.unique(level, return_inverse=True)
-        above, known = log.output - (log.baseline or 0.0), np.isfinite(log.output)
-        return Drive(
-            np.array(log.dt_s), np.repeat(index.astype(np.int64), lasts), duty, np.repeat(rising, lasts),
-            np.where(known, above, 0.0), np.where(known, log.weight, 0.0), log.baseline is not None, log.starts_idle,
-        )  # fmt: skip
+        """Every row."""
+        return self.log.drive
 
     @cached_property
     def small(self) -> Drive:

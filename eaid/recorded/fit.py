@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes, median, white_squares
+from eaid.arrays import Array, extremes, white_squares
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
@@ -97,7 +97,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
         curve=LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column[at]) for column in columns)),
-        correlation=correlation_of([-missed], median(log.dt_s), level),
+        correlation=correlation_of([-missed], log.usual_s, level),
     )
 
 

@@ -5,7 +5,7 @@ on every sample, and what one more of them would gain is the verdict, as with th
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -33,7 +33,7 @@ from eaid.estimate.solver import (
 )
 from eaid.estimate.starts import MOST_STARTS, SHARES, time_constants
 from eaid.levels.from_steps import CHI2_APART
-from eaid.plant.derivatives import derivatives, swinging
+from eaid.plant.derivatives import at_first, derivatives, swinging
 from eaid.plant.drive import AT_IDLE, Drive, Tables, beginning, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm
@@ -41,6 +41,7 @@ from eaid.plant.sums import linear_sums
 from eaid.recorded.few_rows import Copies
 from eaid.results.common import Solver
 
+ROWS_AT_ONCE = 30_000  # Of a log whose derivatives are worked out: they stay near the processor
 # What a model can have besides its coefficients, with the values that do nothing
 NO_EXTRAS = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,), "dead": (0.0,)}
 # Their constraints a'x ≥ b: code, a, b
@@ -151,23 +152,34 @@ class Setup:
         at = self.at("dead")
         return float(x[at]) if at >= 0 else self.dead_time_s
 
-    def derivatives(self, x: Array, log: int) -> Array:
-        """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1)."""
+    def derivatives(self, x: Array, log: int, of_unknowns: bool = True, rows: int = ROWS_AT_ONCE) -> Iterator[Array]:
+        """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1), some rows at a
+        time; where it is not `of_unknowns`, the residuals alone, (N, 1)."""
         place, drive = self.places[log], delayed(self.drives[log], self.dead_time(x))
-        law = swinging if self.model.kind == "swing" else derivatives
-        return np.asarray(law(drive, *self.tables(x, log), place.kernel, len(place.columns)))
+        (tables, scalars), kernel, count = self.tables(x, log), place.kernel, len(place.columns)
+        if not of_unknowns:
+            none = np.zeros((len(drive.duty), 0))
+            tables, kernel, count = tables._replace(by_steady=none, by_tau1=none, by_tau2=none), np.full(10, -1), 0
+        law, state = swinging if self.model.kind == "swing" else derivatives, at_first(scalars, kernel, count)
+        for first in range(0, len(drive.w), rows):
+            end = min(first + rows, len(drive.w))
+            yield np.asarray(law(drive, tables, scalars, kernel, state, first, end))
+
+    def residuals(self, x: Array, log: int) -> Array:
+        """√w (f − y) of the samples of a log that count, (N,)."""
+        return np.concatenate([*self.derivatives(x, log, of_unknowns=False)])[:, 0]
 
     def jacobian(self, x: Array, log: int) -> tuple[Array, Array]:
-        """The same apart, (N, p) and (N,)."""
-        found = self.derivatives(x, log)
+        """√w ∂f/∂x of a log's own columns, (N, p), and √w (f − y), (N,)."""
+        found = np.concatenate([*self.derivatives(x, log)])
         return found[:, :-1], found[:, -1]
 
     def together(self, x: Array) -> tuple[float, Array, Array]:
         """Cost, gradient and Gauss–Newton matrix."""
         cost, gradient, curvature = 0.0, np.zeros(self.size), np.zeros((self.size, self.size))
         for log, drive in enumerate(self.drives):
-            at, found = self.places[log].columns, self.derivatives(x, log)
-            P = 2.0 * found.T @ found
+            at = self.places[log].columns
+            P = 2.0 * np.sum([found.T @ found for found in self.derivatives(x, log)], axis=0)
             cost += 0.5 * float(P[-1, -1]) + drive.left
             gradient[at] += P[-1, :-1]
             curvature[np.ix_(at, at)] += P[:-1, :-1]
@@ -191,8 +203,11 @@ class Setup:
 
 def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True, dead_time_s: float = 0.0) -> Setup:
     """Logs and a model behind a dead time, with the copies on which its fit is looked for."""
-    copies, spans = tuple(Copies(log, dead_time_s) for log in logs), [log.dt_s[:-1] for log in logs]
-    longest, shortest = max(float(one.sum()) for one in spans), float(np.median(np.concatenate(spans)))
+    copies = tuple(Copies(log, dead_time_s) for log in logs)
+    longest, shortest = (
+        max(float(log.time_s[-1] - log.time_s[0]) for log in logs),
+        median([one.usual_s for one in logs]),
+    )
     holds = [np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in logs]
     hold = float(max(holds))
     small = tuple(one.small for one in copies)
@@ -323,7 +338,7 @@ class Solved:
     def missed(self) -> tuple[Array, ...]:
         """Model less recorded in those rows."""
         drives = enumerate(self.setup.drives)
-        return tuple(self.setup.jacobian(self.x, k)[1] / np.sqrt(one.w[one.w > 0]) for k, one in drives)
+        return tuple(self.setup.residuals(self.x, k) / np.sqrt(one.w[one.w > 0]) for k, one in drives)
 
     @property
     def coefficients(self) -> Array:

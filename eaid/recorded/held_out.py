@@ -99,10 +99,12 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
     every = _like(fitted, whole).every
     missed = []
     for k, drive in enumerate(every.drives):
-        J, r = every.jacobian(x, k)
         its = every.places[k].kernel[-3:]
         its = its[its >= 0]
-        if len(its) and k not in kept:  # its idle output and start are not the model's
+        if k in kept or not len(its):
+            r = every.residuals(x, k)
+        else:  # its idle output and start are not the model's
+            J, r = every.jacobian(x, k)
             r = r - J[:, its] @ np.linalg.lstsq(J[:, its], r, rcond=None)[0]
         missed.append(r / np.sqrt(drive.w[drive.w > 0]))
     return missed, before <= (1 + AGREES) * end.cost + problem.floor

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array
 from eaid.estimate.forms import in_parallel, of_kind
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, newton_step, solver_verdict
@@ -34,6 +34,7 @@ PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
 KINDS_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
 LAST_STEPS = 4
 THROUGH_ALL = 0.9  # Part of the squares that a gain through every level may leave at most
+MOST_ROWS = 2**20  # Of a log, in which its frequencies are looked for
 BEGUN = 3  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
 PACES = (1, 2)  # Degrees of time constants over the input
@@ -104,7 +105,7 @@ class Search:
     @property
     def shortest_s(self) -> float:
         """Usual time between two rows [s]."""
-        return min(median(log.dt_s) for log in self.logs)
+        return min(log.usual_s for log in self.logs)
 
     @property
     def longest_s(self) -> float:
@@ -183,7 +184,7 @@ def places(search: Search, kind: LagKind, grid: Sequence[GridPlace]) -> list[Gri
 def peaks(search: Search) -> list[float]:
     """Frequencies at which the outputs have most, 0 left out [rad/s]."""
     log = max(search.logs, key=lambda one: len(one.time_s))
-    y, dt_s = np.nan_to_num(log.output - np.nanmean(log.output)), median(log.dt_s)
+    y, dt_s = np.nan_to_num(log.output[:MOST_ROWS] - np.nanmean(log.output)), log.usual_s
     power = np.abs(np.fft.rfft(np.diff(y))) ** 2
     top = np.argsort(power[1:])[-2:] + 1
     return [float(2 * np.pi * k / ((len(y) - 1) * dt_s)) for k in top]

@@ -38,6 +38,7 @@ FARTHEST_ROWS = 500  # … and this many are looked for
 # Rows from which a delay is told, by whether the input is held; one that moves is read half a row off by itself
 LATE_ROWS = {True: 0.5, False: 0.75}
 ORDER = 8  # Of the autoregression
+ALONE = 1e-12  # Part of what a delay does that the unknowns leave, beneath which it is rounding
 NOISE_STRETCHES = 40
 LATE_CHANCE = 0.01  # Of a delay as large by noise alone, at most
 LEAST_CHANGES = 4
@@ -59,7 +60,7 @@ class Delay(NamedTuple):
 
     def told(self, log: RecordedLog) -> list[Finding]:
         """What is said of a log whose input was noted late."""
-        row_ms = 1e3 * median(log.dt_s)
+        row_ms = 1e3 * log.usual_s
         ms, low, high = (row_ms * rows for rows in ((self.low + self.high) / 2, self.low, self.high))
         return [finding("input-late", log.name, rows=self.rows, ms=ms, low=low, high=high)] if self.rows > 0 else []
 
@@ -95,10 +96,10 @@ def timed(
     if given_s is not None:
         return Timed(base, acting, (ON_TIME,) * len(logs))
     found = delays(base, acting)
-    shown = [dead_s - one.rows * median(log.dt_s) for log, one in zip(logs, found, strict=True)]
+    shown = [dead_s - one.rows * log.usual_s for log, one in zip(logs, found, strict=True)]
     begun_s, dead_s = dead_s, max(median([one for one in shown if one > 0] or [0.0]), 0.0)
     # the input of a log that answers early is moved behind the dead time that all of them have
-    more = [(dead_s - begun_s) / median(log.dt_s) for log in logs]
+    more = [(dead_s - begun_s) / log.usual_s for log in logs]
     late = tuple(
         Delay(round(one.rows + rows), one.low + rows, one.high + rows) if begins < 0 else ON_TIME
         for one, rows, begins in zip(found, more, shown, strict=True)
@@ -120,7 +121,7 @@ def log_behind(log: RecordedLog, dead_s: float) -> RecordedLog:
     acting = np.flatnonzero(log.input != 0)
     if dead_s == 0 or log.idle_start is not None or not len(acting) or not acting[0]:
         return log
-    rows = int(acting[0]) + dead_s / median(log.dt_s)
+    rows = int(acting[0]) + dead_s / log.usual_s
     return replace(log, idle_start=True) if rows >= min(IDLE_ROWS, len(log.input) - 1) else log
 
 
@@ -175,7 +176,7 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
     rows = np.flatnonzero(off[1:] & off[:-1])
     if len(rows) < 100:
         return 0.0
-    u, y = (whitened(one, one)[rows] for one in (np.diff(log.input), -np.diff(r)))
+    u, y = (unforeseen(one, autoregression(one))[rows] for one in (np.diff(log.input), -np.diff(r)))
     limit = CHANGE_JUMP * float(np.abs(u).mean())
     u = np.clip(u, -limit, limit)
     size = float(np.linalg.norm(u) * np.linalg.norm(y))
@@ -228,24 +229,36 @@ def aligned_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
 
 def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
     """The delay in rows by one step from x, (p,), and its standard deviation."""
-    J, r = alone(setup, Copies(log).every).jacobian(x, 0)
-    after, before = (alone(setup, Copies(_moved(log, rows)).every).jacobian(x, 0)[1] for rows in (1, -1))
-    D = 0.5 * (after - before)
-    J, D, r = (whitened(one, r)[ORDER:] for one in (J, D, r))
-    D = D - J @ (scaled_inverse(J.T @ J) @ (J.T @ D))
-    size = max(float(D @ D), 1e-300)
-    rows = -float(D @ r) / size
-    starts = np.linspace(0, len(r), NOISE_STRETCHES, endpoint=False).astype(int)
-    scores = np.add.reduceat(D * (r + rows * D), starts)
+    own = alone(setup, log.drive)
+    r = own.residuals(x, 0)
+    after, before = (alone(setup, _moved(log, rows).drive).residuals(x, 0) for rows in (1, -1))
+    D, foreseen, at, last, found = 0.5 * (after - before), autoregression(r), 0, np.zeros((0, own.size + 2)), []
+    for piece in own.derivatives(x, 0, rows=-(-len(log.input) // NOISE_STRETCHES)):
+        columns = np.column_stack([piece[:, :-1], D[at : at + len(piece)], piece[:, -1]])
+        columns = np.concatenate([last, columns])
+        new = unforeseen(columns, foreseen)[ORDER:]
+        found.append(new.T @ new)  # products of J, D and r over a stretch
+        at, last = at + len(piece), columns[-ORDER:]
+    sums, p = np.array(found), own.size
+    whole = sums.sum(axis=0)
+    free = np.append(-scaled_inverse(whole[:p, :p]) @ whole[:p, p], 1.0)  # D less what the unknowns do, by J and D
+    size = float(free @ whole[: p + 1, : p + 1] @ free)
+    if size <= ALONE * float(whole[p, p]):  # the unknowns do all that a delay does
+        return 0.0, float(len(r))
+    rows = -float(free @ whole[: p + 1, -1]) / size
+    scores = sums[:, : p + 1, -1] @ free + rows * np.einsum("i,kij,j->k", free, sums[:, : p + 1, : p + 1], free)
     return rows, float(np.sqrt(scores @ scores)) / size
 
 
-def whitened(values: Array, r: Array) -> Array:
-    """What an autoregression of r on the `ORDER` values before (Yule and Walker) does not foresee of values, (n, …)."""
-    n = 2 ** int(np.ceil(np.log2(2 * len(r))))
-    rho = np.fft.irfft(np.abs(np.fft.rfft(r, n)) ** 2)[: ORDER + 1]
+def autoregression(r: Array) -> Array:
+    """Coefficients of r on the `ORDER` values before, (ORDER,), after Yule and Walker."""
+    rho = np.array([float(r[k:] @ r[: len(r) - k]) for k in range(ORDER + 1)])
     rho[0] *= 1 + 1e-9
-    coefficients = solve_toeplitz(rho[:-1], rho[1:]) if rho[0] > 0 else np.zeros(ORDER)
+    return np.asarray(solve_toeplitz(rho[:-1], rho[1:])) if rho[0] > 0 else np.zeros(ORDER)
+
+
+def unforeseen(values: Array, coefficients: Array) -> Array:
+    """What an autoregression does not foresee of values, (n, …)."""
     whole = values.copy()
     for k, one in enumerate(coefficients.tolist(), 1):
         whole[k:] -= one * values[:-k]

@@ -11,17 +11,18 @@ input. Output and model are freed of what an autoregression of the output forese
 knows no input, and the one is regressed on the other: the slope of a rig whose input acts is many of its errors off 0.
 """
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, means_of
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.plant.sums import lagged, played
 from eaid.recorded.from_logs import Solved, plant_found
-from eaid.recorded.late import ORDER, whitened
+from eaid.recorded.late import ORDER, autoregression, unforeseen
 from eaid.recorded.log_intervals import correlation_s
 
 Mask = NDArray[np.bool_]
@@ -30,7 +31,7 @@ FUNCTIONS, OF_SIZE = 5 + len(PLAYS), 3  # Of the input, and those of its size am
 MUCH = 0.15  # Part of the residuals' squares, beyond chance
 SURE = 5.0  # Errors of the slope: of random walks, with models fitted to them, 4.3 at most (40), of rigs 8 at least
 PARTS = (0.0, 0.05, 0.2, 0.5)  # Of the slowest lag, over which both are averaged before; that counts which shows most
-FEWEST_MEANS, MOST_MEANS = 100, 20_000
+FEWEST_MEANS, MOST_MEANS, MOST_ROWS = 100, 20_000, 200_000
 LEFT_SEEN = 0.03  # Part of the output's standard deviation that the part explained has at least
 
 
@@ -42,12 +43,14 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
     size, parts, sums = 0.0, [], np.zeros((2 * FUNCTIONS + 1, 2 * FUNCTIONS + 1))
     for log, r in zip(logs, solved.missed, strict=False):
-        known, dt_s = np.isfinite(log.output), median(log.dt_s)
-        columns = np.column_stack([functions_of(log, theta_s, tau_s, dt_s)[known], r])
+        known, dt_s = np.isfinite(log.output), log.usual_s
+        rows = max(1, len(r) // MOST_ROWS)
+        columns = np.stack([*(means_of(one[known], rows) for one in functions_of(log, theta_s, tau_s, dt_s)),
+                            means_of(r, rows)], axis=1)  # fmt: skip
         columns -= columns.mean(axis=0)
-        parts.append((columns, dt_s))
+        parts.append((columns, rows * dt_s))
         sums += columns.T @ columns
-        size += float(np.var(log.output[known])) * len(r)
+        size += float(np.var(log.output[known])) * len(columns)
     scale, total = np.sqrt(np.diag(sums)[:-1]), float(sums[-1, -1])
     moves = np.flatnonzero(scale > 0)
     if not total > 0:
@@ -84,7 +87,7 @@ def column_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding
     plant, found = plant_found(solved), dict[str, list[tuple[float, float, float]]]()
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
     for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
-        known, dt_s = np.isfinite(log.output), median(log.dt_s)
+        known, dt_s = np.isfinite(log.output), log.usual_s
         chance = 2 * max(2 * correlation_s(r, dt_s), dt_s) / (len(r) * dt_s)
         left, size = r - r.mean(), float(np.sum((y - y.mean()) ** 2))
         for label, values in log.others() if left @ left > LEFT_SEEN**2 * size else ():
@@ -113,10 +116,10 @@ def drift_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]
         along = square = total = 0.0
         count = 0
         for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
-            rows = max(1, len(y) // MOST_MEANS, min(round(part * tau_s / median(log.dt_s)), len(y) // FEWEST_MEANS))
-            means = np.stack([y, y + r])[:, : len(y) // rows * rows].reshape(2, -1, rows).mean(axis=2)
-            means -= means.mean(axis=1, keepdims=True)
-            one, model = (whitened(row, means[0])[ORDER:] for row in means)
+            rows = max(1, len(y) // MOST_MEANS, min(round(part * tau_s / log.usual_s), len(y) // FEWEST_MEANS))
+            means = np.stack([means_of(y, rows), means_of(y + r, rows)], axis=1)
+            means -= means.mean(axis=0)
+            one, model = unforeseen(means, autoregression(means[:, 0]))[ORDER:].T
             along, square = along + float(one @ model), square + float(model @ model)
             total += float(one @ one)
             count += len(one)
@@ -125,13 +128,14 @@ def drift_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]
     return [] if found > SURE else [finding("drift-explains-as-much", "nonlinear", errors=found)]
 
 
-def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) -> Array:
-    """The functions of the input of a log as it acts, raw and behind a lag, (n, 2 FUNCTIONS)."""
+def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) -> Iterator[Array]:
+    """The functions of the input of a log as it acts, raw, then behind a lag, 2 FUNCTIONS of (n,)."""
     t, at = log.time_s, np.searchsorted(log.time_s, log.time_s - theta_s, side="right") - 1
     u = log.input[np.clip(at, 0, len(t) - 1)]
     change = np.sign(np.diff(u, prepend=u[0]))
     last = np.maximum.accumulate(np.where(change != 0, np.arange(len(u)), 0))
     moved = change[last]
-    plays = [played(u, width * float(np.ptp(u))) for width in PLAYS]
-    raw = np.stack([u, u * np.abs(u), u**3, moved, moved * np.abs(u), *plays], axis=1)
-    return np.hstack([raw, lagged(raw, dt_s, max(tau_s, 1e-3 * dt_s))])
+    for behind in (False, True):
+        plays = (played(u, width * float(np.ptp(u))) for width in PLAYS)
+        for raw in itertools.chain((u, u * np.abs(u), u**3, moved, moved * np.abs(u)), plays):
+            yield lagged(raw[:, None], dt_s, max(tau_s, 1e-3 * dt_s))[:, 0] if behind else raw

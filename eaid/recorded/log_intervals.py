@@ -21,15 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from eaid.arrays import Array
+from eaid.arrays import Array, means_of
 from eaid.estimate.scatter import alike_by_noise, pace, pooled_scatter, run_residuals, run_statistics
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
-from eaid.recorded.from_logs import Solved, idle_found
+from eaid.recorded.from_logs import Setup, Solved, idle_found
 from eaid.steps.stepset import Level
 
 BINS = 16_384  # Derivatives and residuals are first added up over so many short bins of a log, at most
+QUICK_LAGS, MOST_ROWS = 16, 10**6  # Lags of a correlation that are looked at first; rows in which all are
 SMOOTH_PART = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
 LEAST_LEFT = 0.25  # A line keeps at least this part of its power
 SMALL_OUTPUT = 9.0  # An output is small or large beside its mean square over this
@@ -58,28 +59,31 @@ class Piece:
         return np.asarray(np.add.reduceat(values, np.flatnonzero(np.diff(self.engaged, prepend=-1) != 0)))
 
 
-def piece_of(Z: Array, at: NDArray[np.intp], n: int, drive: Drive, idle: float) -> Piece:
-    """A log whose derivatives by the unknowns `at`, of n in all, are Z."""
-    dt_s = float(drive.dt_s.sum()) / max(len(Z), 1)
-    step = -(-len(Z) // BINS)
-    starts = np.arange(0, len(Z), step)
-    output = drive.y[drive.w > 0] - idle
-
-    def binned(values: Array) -> Array:
-        bins = np.zeros((len(starts), n))
-        bins[:, at] = np.add.reduceat(values, starts)
-        return bins
-
-    return Piece(
-        starts,
-        np.add.reduceat(output, starts) / np.diff(np.append(starts, len(Z))),
-        binned(Z),
-        binned(Z * output[:, None]),
-        np.add.reduceat(output**2, starts),
-        step,
-        step * dt_s,
-        engagements(drive)[drive.w > 0][starts],
-    )
+def piece_of(solved: Solved, clean: Setup, log: int) -> tuple[Piece, Array]:
+    """One log in bins, its derivatives Z those of a `clean` drive, and its part of H, (n, n)."""
+    setup, x, drive = solved.setup, solved.x, solved.setup.drives[log]
+    counted, columns = drive.w > 0, setup.places[log].columns
+    output = drive.y[counted] - idle_found(solved, log)
+    step = -(-len(output) // BINS)
+    starts = np.arange(0, len(output), step)
+    plain, scaled, H, at = *np.zeros((2, len(starts), setup.size)), np.zeros((setup.size, setup.size)), 0
+    if clean is setup:
+        both = ((piece, piece) for piece in setup.derivatives(x, log))
+    else:  # in one piece: their rows where inputs change are not the same
+        both = ((clean.jacobian(x, log)[0], setup.jacobian(x, log)[0]) for _ in range(1))
+    for Z, J in both:
+        Z, J = Z[:, : len(columns)], J[:, : len(columns)]
+        H[np.ix_(columns, columns)] += Z.T @ J
+        which = np.arange(at, at + len(Z)) // step
+        first = np.flatnonzero(np.diff(which, prepend=-1))
+        bins = np.ix_(which[first], columns)
+        plain[bins] += np.add.reduceat(Z, first)
+        scaled[bins] += np.add.reduceat(Z * output[at : at + len(Z), None], first)
+        at += len(Z)
+    sizes = np.add.reduceat(output, starts) / np.diff(np.append(starts, len(output)))
+    bin_s = step * float(drive.dt_s.sum()) / max(len(output), 1)
+    squares, engaged = np.add.reduceat(output**2, starts), engagements(drive)[counted][starts]
+    return Piece(starts, sizes, plain, scaled, squares, step, bin_s, engaged), H
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,16 +174,17 @@ def _smoothed(values: Array, half: int) -> Array:
 
 def correlation_s(r: Array, dt_s: float) -> float:
     """Integrated correlation time of residuals [s]: half of what one independent sample takes."""
-    n = len(r)
-    if n < 8 or not r.any():
+    n, r = len(r), r - r.mean()
+    if n < 8 or not r @ r > 0:
         return 0.5 * dt_s
-    rho = np.fft.irfft(np.abs(np.fft.rfft(r - r.mean(), 2 * n)) ** 2)[:n]
-    if rho[0] <= 0:
-        return 0.5 * dt_s
-    rho /= rho[0]
-    below = np.flatnonzero(rho < 0.05)
+    rho = np.array([float(r[k:] @ r[: n - k]) for k in range(min(QUICK_LAGS, n))])  # a tenth of the time of all lags
+    if rho.min() >= 0.05 * rho[0] and n > QUICK_LAGS:
+        if n > MOST_ROWS:  # what lasts for so many rows is seen in means of some
+            return correlation_s(means_of(r, -(-n // MOST_ROWS)), -(-n // MOST_ROWS) * dt_s)
+        rho = np.fft.irfft(np.abs(np.fft.rfft(r, 2 * n)) ** 2)[:n]
+    below = np.flatnonzero(rho < 0.05 * rho[0])
     end = int(below[0]) if len(below) else n
-    return float((0.5 + rho[1:end].sum()) * dt_s)
+    return float((0.5 + rho[1:end].sum() / rho[0]) * dt_s)
 
 
 def engagements(drive: Drive) -> NDArray[np.intp]:
@@ -311,17 +316,15 @@ class Spread:
 @np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
 def spread(solved: Solved) -> Spread:
     """Everything that intervals need where a fit ended."""
-    setup, x = solved.setup, solved.x
+    setup = solved.setup
     clean = setup if solved.instruments is None else replace(setup, drives=solved.instruments)
     n = setup.size
     H = np.zeros((n, n))
     pieces = []
-    for log, drive in enumerate(setup.drives):
-        J = setup.jacobian(x, log)[0]
-        Z = J if solved.instruments is None else clean.jacobian(x, log)[0]
-        at = setup.places[log].columns
-        H[np.ix_(at, at)] += Z.T @ J
-        pieces.append(piece_of(Z, at, n, drive, idle_found(solved, log)))
+    for log in range(len(setup.drives)):
+        piece, of_log = piece_of(solved, clean, log)
+        H += of_log
+        pieces.append(piece)
     pull = free_inverse(H, solved.setup.problem().A[solved.active])
     # what gains of 1 do, one an engagement: H⁻¹ Σ_e s s' H⁻¹, s = Σ Z T of an engagement
     S = np.vstack([one.of_engagements(one.scaled) for one in pieces])

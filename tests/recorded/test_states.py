@@ -9,8 +9,11 @@ from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.drive import Drive, Tables
 from eaid.plant.dynamics import REFERENCE_PLANT, plant_numbers, plant_step
+from eaid.plant.forms import Proportional
+from eaid.plant.sums import lagged
 from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Setup
+from eaid.recorded.log_intervals import correlation_s
 
 
 def plainly(drive: Drive, tables: Tables, scalars: Any, start: tuple[Any, Any] = (0.0, 0.0)) -> Any:
@@ -130,3 +133,30 @@ def test_a_coarse_copy_costs_what_the_log_costs_but_for_a_constant(moving: bool)
         assert rough.together(x)[0] == pytest.approx(whole.together(x)[0], rel=rel)
         size = np.sqrt(np.diagonal(whole.together(x)[2]) * whole.together(x)[0])
         assert np.abs((rough.together(x)[1] - whole.together(x)[1]) / size).max() < rel
+
+
+@pytest.mark.parametrize("kind", ["nonlinear", "swing"])
+def test_a_log_of_many_rows_is_gone_through_in_pieces(kind: str) -> None:
+    """Every piece goes on where the one before ended, behind a dead time, too; and the residuals need no unknowns."""
+    log = log_of(np.random.default_rng(8))
+    if kind == "nonlinear":
+        one = forms.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85)
+        x = np.append(one.unknowns(REFERENCE_PLANT), [0.1, 0.2, 0.3, 0.4])  # θ, idle output, both states
+    else:
+        one = forms.of_kind("swing", Proportional(0.0, 100.0), 0.0, 100.0, 0.01, None, False, 0)
+        x = np.array([0.04, 0.3, 0.4, 0.7, 0.1, 0.2, 0.3, 0.4])
+    setup = Setup(one, (log.drive,), ("dead",))
+    whole = np.concatenate([*setup.derivatives(x, 0)])
+    assert whole.shape == (600, len(x) + 1)
+    for rows in (1, 7, 100):
+        np.testing.assert_array_equal(np.concatenate([*setup.derivatives(x, 0, rows=rows)]), whole)
+    np.testing.assert_array_equal(setup.residuals(x, 0), whole[:, -1])
+
+
+def test_the_correlation_of_a_long_residual_is_seen_in_fewer_rows() -> None:
+    """Of a first-order one with τ = 0.5 s, sampled 10⁶ times and more: τ, and half a sample of white noise."""
+    white = np.random.default_rng(1).normal(size=2**21)
+    slow = lagged(white[:, None], 0.01, 0.5)[:, 0]
+    for n in (2**17, 2**21):
+        assert correlation_s(slow[-n:], 0.01) == pytest.approx(0.5, rel=0.1)
+        assert correlation_s(white[-n:], 0.01) == pytest.approx(0.005, rel=0.01)
