@@ -212,7 +212,9 @@ def test_derivatives_are_those_of_differences_in_sixty_digits(kind: str) -> None
     drive, (law, x) = drive_of(), KINDS[kind]
     swings = law is kernel.swinging
     tables, late = tables_of(np.array(x)), delayed(drive, x[12])
-    found = law(late, tables, np.array(x[6:]), PLACES, 16) / np.sqrt(drive.w)[:, None]
+    scalars = np.array(x[6:])
+    state = kernel.at_first(scalars, PLACES, 16)
+    found = law(late, tables, scalars, PLACES, state, 0, len(late.w)) / np.sqrt(drive.w)[:, None]
     with localcontext() as context:
         context.prec = 60
         exact, h = [Decimal(one) for one in x], Decimal("1e-18")
@@ -236,7 +238,8 @@ def test_the_kernel_responds_as_the_plant_does() -> None:
         x = np.array([1.0, 0.3, 0.3, 0.1, 1.5, 0.4]) if one.zeta is None else np.array([1.0, 0.3, 0.3, 0.0, 0.4, 0.0])
         scalars = np.array([0.8 if one.zeta is None else 0.3, 0, 0, 1, 1, 0, 0.13, 0, 0, 0])
         flat = drive._replace(rising=np.ones(40, dtype=np.int64))
-        found = law(delayed(flat, 0.13), tables_of(x), scalars, np.full(10, -1), 6)[:, 6]
+        late, none = delayed(flat, 0.13), np.full(10, -1)
+        found = law(late, tables_of(x), scalars, none, kernel.at_first(scalars, none, 6), 0, len(late.w))[:, 6]
         np.testing.assert_allclose(respond(one, t, LEVELS[drive.which], t), found, atol=1e-12)
 
 
