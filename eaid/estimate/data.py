@@ -13,7 +13,7 @@ from eaid.findings import Finding, finding
 from eaid.results.common import AbsError, HoldOut, LevelError
 from eaid.results.models import Linear, Nonlinear
 from eaid.steps.noise import block_means
-from eaid.steps.stepset import Level
+from eaid.steps.stepset import Creep, Level
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +23,7 @@ class Data:
     u: Array  # Level of each curve, in the set's input unit, shape (L,)
     records: tuple[LevelRecord, ...]
     compressed: Points | None = None  # Where that is done already
+    creep: Creep | None = None  # That was taken off
 
     @property
     def longest_s(self) -> float:
@@ -44,13 +45,13 @@ class Data:
     def only(self, rows: Sequence[int]) -> "Data":
         """Some of the levels."""
         at = list(rows)
-        return Data(self.u[at], tuple(self.records[k] for k in at), self.points.rows(at))
+        return Data(self.u[at], tuple(self.records[k] for k in at), self.points.rows(at), self.creep)
 
 
-def data_of(levels: Sequence[Level]) -> Data:
-    """The mean curves of some levels."""
+def data_of(levels: Sequence[Level], creep: Creep | None = None) -> Data:
+    """The mean curves of some levels, from whose runs a creep was taken off."""
     records = tuple(LevelRecord(level.time_s, level.mean, level.uniform) for level in levels)
-    return Data(np.array([level.level for level in levels], dtype=np.float64), records)
+    return Data(np.array([level.level for level in levels], dtype=np.float64), records, creep=creep)
 
 
 MEANS_TAKEN = 50  # Block means of a record that noise is averaged out in, before a model is said to miss the curve

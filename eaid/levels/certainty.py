@@ -115,9 +115,20 @@ class Estimate:
         gain, back = gains_of(every * at.information, every * self.along(at.theta), take, self.blocked)
         alone = of_levels is None and bool((self.scatter.repeats == 1).all())
         singles = self._singles(at, take) if alone else np.zeros((0, L + p))
+        singles = np.concatenate([singles, self._of_creep(at, take)])
         gradient = np.einsum("lk,lkm->m", weight[:, None] * at.score, take)
         scatter = of_levels or self.scatter.of_levels
         return Influence((not alone) * gain, scatter, singles @ back, self.single_degrees), -gradient @ back
+
+    def _of_creep(self, at: Normal, take: Array) -> Array:
+        """The scores that one standard error of a creep makes that was taken off, (1, L + p), if any."""
+        data = self.solved.steps.data
+        if data.creep is None:
+            return np.zeros((0, take.shape[2]))
+        ramp = data.points.w * data.creep.error * (data.points.t_s + data.creep.t0_s)
+        rows = zip(at.theta.T.tolist(), data.points.t_s, ramp, strict=True)
+        along = np.array([step_slopes(Step(*curve), t) @ w for curve, t, w in rows])
+        return np.asarray(np.einsum("l,lk,lkm->m", self.solved.steps.weight, along, take))[None]
 
     def _singles(self, at: Normal, take: Array) -> Array:
         """Scores of levels of a single run, (parts, L + p)."""

@@ -22,6 +22,7 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels.adequacy import adequacy, share_of
 from eaid.levels.bootstrap import bootstrap, drawn_ends
 from eaid.levels.certainty import Estimate, levels_first
+from eaid.levels.creep import besides, crept
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.friction import friction_part, quoted, white_ends
 from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
@@ -88,16 +89,17 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
                 stepset = stepset.without(still.levels, still)
                 recorded = recorded.without(still.levels, still)
                 result = _fit_levels(stepset, options, progress)
-            stepset = recorded
+            stepset, result = _with_what_is_beside(recorded, stepset, result, options, progress)
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
         shapes = single_steps(stepset, options)
         codes = {one.code for one in (*result.findings, *stepset.all_findings)}
         if another := not shapes and bool(codes & OTHER_SHAPES):
             shapes = of_another_shape(stepset, options)
+        of_C = bool(codes & {"runs-reject-the-share", "share-by-evidence"})  # which says it of all steps
         of_shapes = [
             warning for shape in shapes for warning in shape.findings
-            if "runs-reject-the-share" not in codes or warning.values.get("shape") != "free" or shape.dead_time_s > 0
+            if not of_C or warning.values.get("shape") != "free" or shape.dead_time_s > 0
         ]  # fmt: skip
         of_shapes = list(merged(of_shapes)) if another else of_shapes
         rows = between_rows(shapes) if "friction" in (options.model or ("friction",)) else ()
@@ -122,6 +124,33 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         )
 
 
+def _with_what_is_beside(
+    recorded: StepSet, behind: StepSet, result: Fit, options: FitOptions, progress: Callable[[], None] | None
+) -> tuple[StepSet, Fit]:
+    """The set as recorded and the fit of it `behind` its dead time, with a C of its own and without a creep of its
+    output where the runs show them, and nobody has held C."""
+    share, codes = None if result.uncertainty is None else result.uncertainty.share, {x.code for x in result.findings}
+    decays = "output-decays-under-hold" in codes
+    if share is None or result.nonlinear is None or options.share != SHARE or not (share.rejected or decays):
+        return recorded, result
+    free, creep = besides(behind, share, SHARE)
+    if "rise-of-the-rig" in codes or (creep is None and (decays or not free)):
+        return recorded, result
+    told = list[Finding]()
+    if creep is not None:
+        recorded, behind = crept(recorded, creep), crept(behind, creep)
+        low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
+        told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
+    result = _fit_levels(behind, replace(options, share="free") if free else options, progress)
+    if free and result.nonlinear is not None:
+        C, known = result.nonlinear.C, result.nonlinear.ci95
+        low, high = (known and known.C) or (C, C)
+        told.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=C, low=low, high=high))
+    told += [one for one in result.findings if one.code != "share-free"]
+    result = msgspec.structs.replace(result, findings=tuple(told))
+    return recorded, result
+
+
 def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
     """The models of steps from rest, with intervals; curves of τ near 0 or far beyond a record overflow on the way."""
     if not stepset.levels:
@@ -132,7 +161,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     if options.through:
         refuse_through(stepset, options, models)
     kept, held_out = split(stepset.levels, options.hold_out)
-    data, whole = data_of(kept), stepset
+    data, whole = data_of(kept, stepset.creep), stepset
     stepset = replace(stepset, levels=kept)
     with np.errstate(all="ignore"):
         fitted = _of_the_model if "nonlinear" in models else _of_each_level

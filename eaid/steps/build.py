@@ -9,7 +9,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Run
 from eaid.options import ExperimentKind, ReadOptions, typed
-from eaid.steps.checks import CHECKS, creeping, disagreements
+from eaid.steps.checks import CHECKS, creeping, disagreements, idle_slope
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
@@ -62,7 +62,7 @@ def _record(step: Step, findings: tuple[Finding, ...], left_out: bool) -> RunRec
         lost_pct=hold_of(step.rise[None]).lost_pct if run.edge == "rising" else None,
         left_pct=left_pct(step) if run.edge == "falling" else None,
         idle_density=idle_density(run.time_s[: step.start], step.idle) if from_rest else None,
-        slip=slip_of(step), left_out=left_out,
+        idle_slope=idle_slope(step) if from_rest else None, slip=slip_of(step), left_out=left_out,
     )  # fmt: skip
 
 
@@ -115,7 +115,8 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
     for level in levels:
         for one in disagreements(level, input_unit):
             of_runs[one.subject].append(one)
-    findings = [*_of_subject(of_signs, "data"), *creeping([steps[run.name] for _, group in rising for run in group])]
+    rises = [steps[run.name] for _, group in rising for run in group]
+    findings = [*_of_subject(of_signs, "data"), *creeping(rises)]
     findings += fraction if levels and levels[-1].level <= 1 else ()
     if stairs := sum(run.from_level != 0 for run in runs):
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))

@@ -289,16 +289,20 @@ def _drift(step: Step) -> Finding | None:
     return finding("idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share)
 
 
+def idle_slope(step: Step) -> float | None:
+    """How fast the output creeps before a step, with the sign of the rise; None where too few samples tell."""
+    if len(step.idle) < FEW_SAMPLES_CHECKED:
+        return None
+    return step.sign * line(step.run.time_s[: step.start], step.idle).slope
+
+
 def creeping(steps: Sequence[Step]) -> list[Finding]:
     """Whether the outputs of rises creep alike while they idle, which the noise of each by itself may hide: the mean of
     the slopes by its standard error, from how they scatter, where a hold makes much of it."""
-    known = [step for step in steps if len(step.idle) >= FEW_SAMPLES_CHECKED and step.swing > 0]
-    if len(known) < FEWEST_CREEPS:
+    found = [(step, slope) for step in steps if (slope := idle_slope(step)) is not None and step.swing > 0]
+    if len(found) < FEWEST_CREEPS:
         return []
-    slopes = np.array([
-        step.sign * line(step.run.time_s[: step.start], step.idle).slope
-        for step in known
-    ])  # fmt: skip
+    known, slopes = [step for step, _ in found], np.array([slope for _, slope in found])
     slope, error = float(slopes.mean()), float(slopes.std(ddof=1) / np.sqrt(len(slopes)))
     hold_s, least = median([float(step.time_s[-1]) for step in known]), min(known, key=lambda step: step.swing)
     share = 100 * abs(slope) * hold_s / least.swing

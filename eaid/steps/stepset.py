@@ -119,6 +119,16 @@ class LevelStep:
 
 
 @dataclass(frozen=True)
+class Creep:
+    """A rate at which the output of all runs creeps beside their response."""
+
+    rate: float  # [output/s]
+    error: float  # Its standard error
+    half: float  # Half-width of its 95 % interval
+    t0_s: float  # From the middle of the idle time, whose mean is taken off, to the step
+
+
+@dataclass(frozen=True)
 class RunRecord:
     """One row of the run table: where a run came from and its warnings."""
 
@@ -145,6 +155,8 @@ class RunRecord:
     """Input before a rising step, or where a falling one goes; 0: rest."""
     idle_density: float | None = None
     """Density of the output's noise while idle [output²·s]; None where the idle record is too short to tell."""
+    idle_slope: float | None = None
+    """How fast the output creeps while idle, with the sign of the rise [output/s]; None where too few samples tell."""
     slip: SlipTest | None = None
     """Where the output peaks and slips under a held input."""
     left_out: bool = False
@@ -196,6 +208,8 @@ class StepSet(Shown):
     """The recorded runs behind the levels, cut at their steps, where the set was read from logs."""
     level_steps: tuple[LevelStep, ...] = ()
     """Every change of input between two holds, from rest and to rest too, in the order of levels."""
+    creep: Creep | None = None
+    """What was taken off its levels and releases."""
 
     @property
     def warnings(self) -> tuple[str, ...]:

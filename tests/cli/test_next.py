@@ -104,7 +104,7 @@ def test_what_is_printed_runs(name, run_eaid, tmp_path, monkeypatch):
     make(name)
     friction = name in ("force", "speed")
     done = run_chain(FIRST[name], run_eaid, "fit report" if friction else "fit tune-rc simulate report export")
-    assert ("--share" in done[1]) == (name == "another share")
+    assert not any("--share" in one for one in done)  # a C that the runs tell is the fit's already
 
 
 def test_options_of_a_design_stay_in_what_mends_it(by_hand, run_eaid):

@@ -66,11 +66,13 @@ def test_a_stand_that_loads_at_its_own_rate_is_told() -> None:
     assert "rise-of-the-rig" not in codes(constant)
 
 
-def test_another_share_is_recommended() -> None:
+def test_another_share_is_taken_or_recommended() -> None:
     made = stepset(lambda duty: step_response(Step(0.04 * duty, 0.3, 4.0, C=0.5), T))
-    for models in (None, ("friction",)):
-        (one,) = [one for one in eaid.fit(made, model=models).findings if one.code == "runs-reject-the-share"]
-        assert one.values["estimate"] == pytest.approx(0.5, abs=1e-3) and one.values["held"] == 0.85
+    (one,) = [one for one in eaid.fit(made, model=("friction",)).findings if one.code == "runs-reject-the-share"]
+    assert one.values["estimate"] == pytest.approx(0.5, abs=1e-3) and one.values["held"] == 0.85
+    fit = eaid.fit(made)  # with a curve of τ over the levels, the fit has it
+    (one,) = [one for one in fit.findings if one.code == "share-by-evidence"]
+    assert one.values["low"] <= fit.plant.C <= one.values["high"] and pytest.approx(0.5, abs=1e-3) == fit.plant.C
 
 
 def test_levels_that_no_polynomial_follows_are_told() -> None:

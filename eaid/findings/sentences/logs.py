@@ -167,6 +167,11 @@ ROWS: dict[str, Row] = {
         "moved_pct",
     ),
     "idle-drifts": caution(_drift, "share_pct", rank=1),
+    "creep-taken-off": caution(
+        "the output creeps by {rate:+.3g} {unit}/s ({low:+.3g} … {high:+.3g}) beside its response, in all runs alike; "
+        "the fit is without that creep: let the sensor warm up",
+        rank=1,
+    ),
     "output-creeps": caution(
         "the output creeps by {slope:+.3g} {unit}/s while it idles, alike before {count} steps: {share_pct:.2g} % of "
         "the step to {worst:g} by the end of its hold; T_s, τ2 and the C that the runs ask for hold that creep: let "

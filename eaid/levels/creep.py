@@ -1,0 +1,172 @@
+"""What steps from rest have besides the clutch's form and its C: another C, and an output that creeps at one rate.
+
+    ȳ_l(t) = T_l φ(t; τ1(u_l), τ2(u_l), C) + r (t + t0),    t0 from the middle of the idle time to the step
+
+Both bend every curve, another C by a part of its T_s, a creep by as much at each level, so that levels tell them apart;
+records of one level do not. The fit goes along by Gauss–Newton steps in r, T_s of each level, τ1(u), τ2(u) and C solved
+for anew; how the runs scatter says how sure C and r are. A creep has to be that of the idle time, too, as far as this
+shows it: what does not idle so is a slow part of the response.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eaid.arrays import Array, median
+from eaid.estimate.data import Data, data_of
+from eaid.estimate.spread import free_inverse, t_quantile
+from eaid.levels.certainty import Estimate
+from eaid.levels.from_steps import fit_levels_first
+from eaid.plant.dynamics import Step
+from eaid.plant.steps import step_slopes
+from eaid.results.models import ShareEstimate
+from eaid.steps.stepset import Creep, Level, StepSet
+
+SHARE_CHANCE = 1e-3  # That noise alone rejects the C that was held, or makes a creep
+SURE_SHARE = 0.05  # Half-width of C up to which it takes the place of that
+LEAST_PCT = 1.0  # Of the least level that a creep makes by the end of a hold
+APART = 4.0  # Standard errors by which it may differ from that of the idle time
+FEWEST_IDLE = 4  # Runs whose idle time is known
+PARTS = (0.002, 0.005, 0.01, 0.02, 0.04)  # Of the highest output in a hold, that a creep may make: where it is begun
+BEGUN = 2  # Places from which it is solved
+ROUNDS, SETTLED = 20, 1e-2  # Steps in r, and the part of its standard error at which they end
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number that the runs tell, its standard error, and the degrees of freedom of that."""
+
+    value: float
+    error: float
+    degrees: float
+
+    def differs(self, held: float) -> bool:
+        """Whether noise alone makes it differ so much from another as rarely as `SHARE_CHANCE`."""
+        return self.degrees > 0 and abs(self.value - held) > t_quantile(self.degrees, 1 - SHARE_CHANCE) * self.error
+
+    @property
+    def half(self) -> float:
+        """Half-width of its 95 % interval."""
+        return float(t_quantile(self.degrees) * self.error)
+
+
+def besides(stepset: StepSet, share: ShareEstimate, held: float) -> tuple[bool, Creep | None]:
+    """Whether the runs have a C of their own, and the creep of their output; `share` is what they ask for where nothing
+    creeps, with `held` in its place."""
+    levels = stepset.levels
+    degrees = float(sum(len(level.runs) - 1 for level in levels))
+    if len(levels) > 1 and degrees > 0:
+        idle = np.array([run.idle_slope for run in stepset.runs if run.idle_slope is not None and not run.left_out])
+        rests = [step.rest_s for step in stepset.level_steps if step.from_level == 0 and step.rest_s is not None]
+        t0 = 0.5 * median(rests or [0.0])
+        at_idle = float(idle.mean()) if len(idle) else 0.0
+        C, rate = _solved(levels, t0, None, degrees, at_idle)
+        if not (free := C.differs(held)):
+            _, rate = _solved(levels, t0, held, degrees, at_idle)
+        if _creeps(rate, levels, idle):
+            return free and known(C.value - C.half, C.value + C.half), Creep(rate.value, rate.error, rate.half, t0)
+    return bool(share.matters and share.ci95 is not None and known(*share.ci95)), None
+
+
+def known(low: float, high: float) -> bool:
+    """Whether an interval of C tells it."""
+    return 0 < low < high < 1 and high - low < 2 * SURE_SHARE
+
+
+def _creeps(rate: Number, levels: Sequence[Level], idle: Array) -> bool:
+    """Whether there is a creep that matters, and the idle time does not deny it."""
+    least = min(float(np.abs(level.mean).max()) for level in levels)
+    longest_s = max(float(level.time_s[-1]) for level in levels)
+    if len(idle) < FEWEST_IDLE or not rate.differs(0.0) or abs(rate.value) * longest_s < LEAST_PCT / 100 * least:
+        return False
+    apart = float(np.hypot(rate.error, idle.std(ddof=1) / np.sqrt(len(idle))))
+    return abs(rate.value - float(idle.mean())) <= APART * apart
+
+
+def _solved(
+    levels: Sequence[Level], t0: float, share: float | None, degrees: float, idle: float
+) -> tuple[Number, Number]:
+    """C, free or held, and the rate of a creep that all runs share, from the best of some rates, that of the idle time
+    among them: the slow parts of low levels imitate one."""
+    data = data_of(levels)
+    first = fit_levels_first(data, share)
+    weight = first.steps.weight
+    per_hold = float(np.abs(data.points.y).max()) / data.longest_s
+    tried = sorted({0.0, idle, *(side * part * per_hold for part in PARTS for side in (-1, 1))})
+    ends = [fit_levels_first(without(data, rate, t0), share, [first.x]) for rate in tried]
+    costs = np.array([float(weight @ one.at.cost) for one in ends])
+    framed = np.pad(costs, 1, constant_values=np.inf)
+    minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
+    found = [_ended(levels, data, t0, tried[k], ends[k].x, share) for k in minima[np.argsort(costs[minima])][:BEGUN]]
+    rate, near, errors = min(found, key=lambda one: float(weight @ one[1].solved.at.cost))
+    C = Number(float(near.solved.x[-1]), float(errors[-2]), degrees) if share is None else Number(share, 0.0, degrees)
+    return C, Number(rate, float(errors[-1]), degrees)
+
+
+def _ended(
+    levels: Sequence[Level], data: Data, t0: float, rate: float, x: Array, share: float | None
+) -> tuple[float, Estimate, Array]:
+    """The rate next to one, the estimate without it, and the standard errors of all unknowns."""
+    for _ in range(ROUNDS):
+        moved = without(data, rate, t0)
+        near = Estimate(levels, fit_levels_first(moved, share, [x]))
+        x, (score, back) = near.solved.x, _about(near, moved, t0)
+        step, errors = float(back[-1] @ score), _errors(near, back, t0)
+        if abs(step) <= SETTLED * errors[-1]:
+            break
+        rate -= step
+    return rate, near, errors
+
+
+def without(data: Data, rate: float, t0: float) -> Data:
+    """The mean curves without a creep."""
+    if not rate:
+        return data
+    return Data(data.u, tuple(replace(one, y=one.y - rate * (one.t_s + t0)) for one in data.records))
+
+
+def _columns(near: Estimate, t0: float) -> list[Array]:
+    """How the curves go with T_s of each level over its size, with x and with the rate, (n_l, L + p + 1) each."""
+    steps, found = near.solved.steps, []
+    count = len(near.levels)
+    for k, (level, theta) in enumerate(zip(near.levels, near.solved.at.theta.T.tolist(), strict=True)):
+        slopes = step_slopes(Step(*theta), level.time_s)
+        columns = np.zeros((len(level.time_s), count + len(near.solved.x) + 1))
+        columns[:, k] = slopes[0] * near.size[k]
+        columns[:, count:-1] = slopes[1:].T @ steps.M[1:, k]
+        columns[:, -1] = level.time_s + t0
+        found.append(columns)
+    return found
+
+
+def _about(near: Estimate, data: Data, t0: float) -> tuple[Array, Array]:
+    """Σ w J'(f − ȳ) of all unknowns, the rate last, and the inverse of Σ w J'J where no constraint holds them."""
+    score, curvature = 0.0, 0.0
+    residuals = near.solved.residuals(data)
+    for J, r, w in zip(_columns(near, t0), residuals, near.solved.steps.weight, strict=True):
+        score, curvature = score + w * (J.T @ r), curvature + w * (J.T @ J)
+    held = np.pad(near.blocked, ((0, 0), (0, 1)))
+    return np.asarray(score), free_inverse(np.asarray(curvature), held)
+
+
+def _errors(near: Estimate, back: Array, t0: float) -> Array:
+    """Standard errors of all unknowns by how the runs of the levels scatter, (L + p + 1,)."""
+    variance = np.zeros(len(back))
+    for level, J, w in zip(near.levels, _columns(near, t0), near.solved.steps.weight, strict=True):
+        if (runs := len(level.runs)) > 1:
+            moved = (level.runs - level.mean) @ (w * J) @ back
+            variance += (moved**2).sum(axis=0) / (runs * (runs - 1))
+    return np.sqrt(variance)
+
+
+def crept(stepset: StepSet, creep: Creep) -> StepSet:
+    """The set without a creep, whose uncertainty it keeps."""
+    held_s = {level.level: float(level.time_s[-1]) for level in stepset.levels}
+    levels = [replace(one, runs=one.runs - creep.rate * (one.time_s + creep.t0_s)) for one in stepset.levels]
+    releases = [
+        replace(one, runs=one.runs - creep.rate * (one.time_s + creep.t0_s + held_s.get(one.level, 0.0)))
+        for one in stepset.releases
+    ]
+    told = tuple(one for one in stepset.findings if one.code != "output-creeps")
+    return replace(stepset, levels=tuple(levels), releases=tuple(releases), findings=told, creep=creep)

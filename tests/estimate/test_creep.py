@@ -1,0 +1,63 @@
+"""A C of the runs' own, and an output that creeps at one rate beside its response: told apart, and both found."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import eaid
+
+LEVELS = (2.0, 4.0, 6.0, 8.0, 10.0)
+IDLE_S, HOLD_S = 2.0, 15.0
+
+
+def logs(C: float, creep: float, while_idle: bool = True, seed: int = 0) -> list[pd.DataFrame]:
+    """T_s = 0.2 u + 0.03 u², τ 0.3 and 5 s; gains that scatter by 4 % and τ by 2 %, noise of 0.02 N; creep in N/s."""
+    random, found = np.random.default_rng(seed), []
+    t = np.arange(0.0, IDLE_S + HOLD_S, 0.02)
+    s = np.maximum(t - IDLE_S, 0.0)
+    for u in LEVELS:
+        for _ in range(3):
+            tau = np.array([0.3, 5.0]) * (1 + 0.02 * random.normal())
+            y = (
+                (0.2 * u + 0.03 * u * u)
+                * (1 + 0.04 * random.normal())
+                * -(C * np.expm1(-s / tau[0]) + (1 - C) * np.expm1(-s / tau[1]))
+            )
+            y += creep * (t if while_idle else s) + 0.02 * random.normal(size=len(t))
+            found.append(pd.DataFrame({"time_s": t, "input_V": np.where(t >= IDLE_S, u, 0.0), "output_N": y}))
+    return found
+
+
+def within(fit: eaid.Fit) -> int:
+    """How many of the fifteen values of the levels lie in their intervals."""
+    count = 0
+    for u in LEVELS:
+        at = fit.at(u)
+        for name, true in (("Ts", 0.2 * u + 0.03 * u * u), ("tau1", 0.3), ("tau2", 5.0)):
+            _, low, high = at.loc[name]
+            count += low <= true <= high
+    return count
+
+
+@pytest.mark.parametrize(
+    ("C", "creep"), [(0.85, 0.006), (0.75, 0.0), pytest.param(0.78, -0.006, marks=pytest.mark.slow), (0.85, 0.0)]
+)
+def test_what_is_there_is_found_and_no_more(C: float, creep: float) -> None:
+    """A creep of 2 % of the highest output in a hold was taken for a C of 0.75, and τ2 was a half."""
+    fit = eaid.fit(logs(C, creep))
+    codes = {one.code: one.values for one in fit.findings}
+    assert ("share-by-evidence" in codes) == (C != 0.85) and ("creep-taken-off" in codes) == bool(creep)
+    assert fit.verdict.usable and pytest.approx(C, abs=0.01) == fit.plant.C
+    if creep:
+        assert codes["creep-taken-off"]["low"] < creep < codes["creep-taken-off"]["high"]
+    assert within(fit) >= 13
+    assert not {"output-creeps", "share-free", "runs-reject-the-share"} & set(codes)
+
+
+def test_what_does_not_idle_so_is_no_creep() -> None:
+    assert "creep-taken-off" not in {one.code for one in eaid.fit(logs(0.85, 0.006, while_idle=False)).findings}
+
+
+def test_a_share_that_somebody_holds_is_held() -> None:
+    fit = eaid.fit(logs(0.75, 0.0), share=0.8)
+    assert fit.plant.C == 0.8 and "runs-reject-the-share" in {one.code for one in fit.findings}
