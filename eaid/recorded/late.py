@@ -31,7 +31,7 @@ from eaid.recorded.from_logs import Setup, Solved, ended_near, fit_setup, setup_
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 REST_COST = 2.0
 NEAR_ROWS = 3  # Rows that are looked for one by one …
-ASKED_ROWS = 0.3  # … from so much of one: what rings bends its ω and ζ for the rest of it
+ASKED_ROWS = 0.3  # … from so much of one, and a standard error: what rings bends its ω and ζ for the rest of it
 FAR_ROWS = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
 LOWER = 0.02
 FARTHEST_ROWS = 500  # … and this many are looked for
@@ -189,7 +189,7 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
     rows, x = far_delay(base.fitted, base.x[base.setup.places[index].columns], log)
     first, moved = rows, _moved(log, rows)
     step, sd = one_step(base.fitted, x, moved)
-    while abs(step) >= ASKED_ROWS and abs(rows - first) < NEAR_ROWS:
+    while abs(step) >= max(ASKED_ROWS, sd) and abs(rows - first) < NEAR_ROWS:
         further = rows + int(np.sign(step))
         moved = _moved(log, further)
         x = aligned_log(base.fitted, x, moved).x
