@@ -122,7 +122,12 @@ ROWS: dict[str, Row] = {
     ),
     "input-negative": note("the input is negative: its size is taken"),
     "short-pieces": note("{pieces:#shorter piece} of fewer than {fewest} samples left out"),
-    "step-from-output": note("step instant {step_s:.6g} s found from the output alone: late by a sample or more"),
+    "step-from-output": note(
+        "step instant {step_s:.6g} ± {error_s:.2g} s found from the output alone: no dead time shows in it"
+    ),
+    "let-go-from-output": note(
+        "the output falls for good at {at_s:.6g} s, found from it alone: the step ends there; «until» ends it elsewhere"
+    ),
     "step-from-command": note("step instant {step_s:.6g} s taken from {column}, which is switched on there"),
     "moves-with-step": caution(
         "{column} moves with the step: if that loads the output, the rise and its time constants are those of the "
