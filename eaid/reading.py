@@ -30,10 +30,10 @@ from eaid.options import ReadOptions, typed
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
-from eaid.steps.checks import Record, bridged, of_record
+from eaid.steps.checks import Record, bridged, of_record, ramp
 from eaid.steps.cut import active_low, cut_runs, refuse_percent, settled_steps
 from eaid.steps.onset import LetGo, let_go, onset
-from eaid.steps.plateaus import is_recorded, plateaus, switching
+from eaid.steps.plateaus import AT_REST_BELOW, is_recorded, plateaus, switching
 from eaid.steps.repeats import counted_once
 from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
@@ -211,6 +211,23 @@ def two_sided(steps: Sequence[Run]) -> bool:
     return signs >= {-1.0, 1.0}
 
 
+def blank(run: Run, top: float) -> bool:
+    """Whether a log is at rest throughout, by its input beside the largest of all, or by its name."""
+    if run.cut or run.position is not None or run.kind not in (None, "clutch"):
+        return False
+    if not run.has_input:
+        return run.level == 0
+    holds = plateaus(run.input)
+    return len(holds) == 1 and abs(holds[0].level) <= AT_REST_BELOW * top
+
+
+def mostly_ramps(steps: Sequence[Run]) -> bool:
+    """Whether most steps' inputs are on their way while the output makes much of its change: logs are fitted whole."""
+    rises = [Step(run) for run in steps if run.edge == "rising" and run.has_input and run.kind in (None, "clutch")]
+    ramps = [step for step in rises if (told := ramp(step)) is not None and told.code == "input-ramps-on"]
+    return 2 * len(ramps) > len(rises)
+
+
 def steps_of(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
@@ -219,12 +236,18 @@ def steps_of(
     asked, (runs, more) = list(_asked(runs, how)), _ended(runs)
     if asked or more:
         raise DataError(*faults, *asked, *more)
+    top = max((float(np.abs(run.input).max()) for run in runs if run.has_input), default=0.0)
+    blanks = [run.name for run in runs if how != "recorded" and blank(run, top)]
+    out = (
+        [finding("runs-left-out", "data", runs=tuple(blanks), of=len(runs), why="at rest throughout")] if blanks else []
+    )
+    runs = [run for run in runs if run.name not in blanks] or runs
     uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
     whole = [run for run in runs if not any(run is one for one in uncut)]
     steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)
-    if how == "auto" and two_sided(steps):
+    if how == "auto" and (two_sided(steps) or mostly_ramps(steps)):
         uncut, whole, steps = [*uncut, *whole], [], []
     if options.repair:
         uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
@@ -236,7 +259,7 @@ def steps_of(
     uncut, steps = counted_once(uncut), counted_once(steps)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))
-    about = (*stepset.findings, *several_factors([*steps, *uncut]))
+    about = (*out, *stepset.findings, *several_factors([*steps, *uncut]))
     if options.levels is not None:
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]

@@ -142,6 +142,7 @@ ROWS: dict[str, Row] = {
         "nothing is recorded before the step: its first samples, {start:.4g} {unit}, are taken for its start; if it is "
         "another, say «baseline»"
     ),
+    "broken-off": stop("ends {own_s:.3g} s behind its step, and its repeats {usual_s:.3g} s"),
     "spikes-before-step": caution("{samples:#spike} before the step left out of its baseline", "samples"),
     "input-glitches": caution(
         "the input leaves its level on {rows:#row} from {at_s:.6g} s on and comes back: a glitch, and no step", "rows"
@@ -222,6 +223,9 @@ ROWS: dict[str, Row] = {
             + (f", {v['subject']} by {round(v['own_pct']):+d} % from the others" if "own_pct" in v else "")
         ),
         "own_pct",
+    ),
+    "repeats-scatter": caution(
+        "the outputs of repeats scatter by {sd_pct:.2g} % at the end (standard deviation, {runs} runs)", "sd_pct"
     ),
     "duty-may-be-fraction": caution(
         "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction, if it is in %, input=%"
