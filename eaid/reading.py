@@ -33,7 +33,7 @@ from eaid.steps.build import stepset_of
 from eaid.steps.checks import Record, bridged, of_record, ramp
 from eaid.steps.cut import active_low, cut_runs, refuse_percent, settled_steps
 from eaid.steps.onset import LetGo, let_go, onset
-from eaid.steps.plateaus import AT_REST_BELOW, is_recorded, plateaus, switching
+from eaid.steps.plateaus import AT_REST_BELOW, FEWEST_HELD, is_recorded, plateaus, switching
 from eaid.steps.repeats import counted_once
 from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
@@ -213,7 +213,7 @@ def two_sided(steps: Sequence[Run]) -> bool:
 
 def blank(run: Run, top: float) -> bool:
     """Whether a log is at rest throughout, by its input beside the largest of all, or by its name."""
-    if run.cut or run.position is not None or run.kind not in (None, "clutch"):
+    if run.cut or len(run.time_s) < FEWEST_HELD or run.position is not None or run.kind not in (None, "clutch"):
         return False
     if not run.has_input:
         return run.level == 0
