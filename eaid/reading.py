@@ -3,7 +3,7 @@
 import contextlib
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -32,7 +32,7 @@ from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
 from eaid.steps.checks import Record, bridged, of_record, ramp
 from eaid.steps.cut import active_low, cut_runs, refuse_percent, settled_steps
-from eaid.steps.onset import LetGo, let_go, onset
+from eaid.steps.onset import let_go, onset
 from eaid.steps.plateaus import AT_REST_BELOW, FEWEST_HELD, is_recorded, plateaus, switching
 from eaid.steps.repeats import counted_once
 from eaid.steps.step import Step
@@ -128,7 +128,7 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     starts = [factor * float(run.time_s[at.row]) for run in blind if (at := onset(run.time_s, run.output)) and at.row]
     if options.step_at is None and len(starts) > 1 and np.ptp(np.quantile(starts, (0.2, 0.8))) < 0.05 * median(starts):
         more["step_at"] = _roundest(median(starts))
-    if options.until is None and (end := _together(blind, let_go_of(blind))) is not None:
+    if options.until is None and (end := let_go_of(blind)[1]) is not None:
         more["until"] = _roundest(factor * end)
     guessed = {"columns": columns, "units": units}
     more |= {name: as_typed(value) for name, value in guessed.items() if value != getattr(options, name)}
@@ -149,18 +149,16 @@ def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:
     return {}
 
 
-def let_go_of(runs: Sequence[Run]) -> dict[str, LetGo]:
-    """Where the outputs of logs fall for good, by the log's name; none where most of them do not."""
-    falls = {run.name: end for run in runs if run.until_s is None and (end := let_go(run.time_s, run.output))}
-    return falls if 2 * len(falls) > len(runs) else {}
-
-
-def _together(runs: Sequence[Run], falls: Mapping[str, LetGo]) -> float | None:
-    """When outputs fall at once, on the logs' own clocks, where all do at one time; None where each is by itself."""
-    at = [run.start_s + falls[run.name].at_s for run in runs if run.name in falls]
-    close = TOGETHER * max((float(run.time_s[-1]) for run in runs), default=0.0)
-    alike = bool(at) and all(end.at_once for end in falls.values())
-    return median(at) if alike and max(abs(one - median(at)) for one in at) <= close else None
+def let_go_of(runs: Sequence[Run]) -> tuple[dict[str, float], float | None]:
+    """When the outputs of logs fall for good, by the log's name, if most of them do; and when on the logs' own clocks,
+    if all fall at once and at one time."""
+    ends = {run.name: end for run in runs if run.until_s is None and (end := let_go(run.time_s, run.output))}
+    if 2 * len(ends) <= len(runs):
+        return {}, None
+    at = [run.start_s + ends[run.name].at_s for run in runs if run.name in ends]
+    close = max(abs(one - median(at)) for one in at) <= TOGETHER * max(float(run.time_s[-1]) for run in runs)
+    together = close and all(end.at_once for end in ends.values())
+    return {name: end.at_s for name, end in ends.items()}, median(at) if together else None
 
 
 def _roundest(value: float) -> str:
@@ -183,17 +181,13 @@ def _ended(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     blind = [run for run in runs if not (run.dataset or run.cut or run.has_input) and run.kind in (None, "clutch")]
     if any(one.code in ASKED for run in blind for one in run.findings):
         return list(runs), []  # nobody knows yet when that is
-    falls = let_go_of(blind)
-    end = _together(blind, falls)
+    falls, end = let_go_of(blind)
     if end is None:
-        ended = {
-            run.name: replace(
-                run, until_s=falls[run.name].at_s,
-                findings=(*run.findings, finding("let-go-from-output", run.name, at_s=falls[run.name].at_s)),
-            )
-            for run in blind if run.name in falls
-        }  # fmt: skip
-        return [ended.get(run.name, run) for run in runs], []
+        told = {name: finding("let-go-from-output", name, at_s=at) for name, at in falls.items()}
+        return [
+            replace(run, until_s=falls[run.name], findings=(*run.findings, told[run.name]))
+            if any(run is one for one in blind) and run.name in falls else run for run in runs
+        ], []  # fmt: skip
     n, at = f"in {len(falls)} of {len(blind)} logs " * (len(blind) > 1), _roundest(end)
     return list(runs), [
         f"{blind[0].where}: the output falls at {at} s {n}and stays low: a release, which no column tells; end the "

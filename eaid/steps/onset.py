@@ -11,7 +11,6 @@ rest before t0, by more than noise, begins as no exponential does: then it is wh
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from eaid.arrays import Array, inverse, median
 from eaid.steps.noise import block_means, sample_noise
@@ -25,6 +24,7 @@ BEGINS_LATE = 20.0  # Gain of squares, in variances of the noise, from which a r
 ERRORS = 3.0  # Of an instant, from which an output has left its rest before it
 FALLS = 4, 24  # An output is let go, at once or not, where it falls within so many of twice `MEANS` blocks …
 HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
+STEPS = 5  # Of Gauss and Newton
 GROUP = 8  # Means whose mean tells how far the noise is from white
 
 
@@ -65,17 +65,14 @@ def onset(time_s: Array, output: Array) -> Onset | None:
     high_s = float(t[-1] - time_s[0])
     if at < FEWEST_HELD or gain < BEGINS_LATE:
         return Onset(0, 0.0, high_s)
-    at_s, error_s = _refined(t, y, best)
+    at_s, error_s = _refined(t, y, *best)
     row = min(max(int(np.searchsorted(time_s, at_s - (time_s[at] - time_s[at - 1]) / 2)), 1), len(output) - 1)
-    early = _last_at_rest(rise[: start + last * width])
-    if early is not None and time_s[early] < at_s - ERRORS * error_s - (time_s[row] - time_s[row - 1]):
+    off = np.abs(rise[: start + last * width] - median(rise[start:at]))
+    rests = np.flatnonzero(off <= max(4 * 1.4826 * median(off[start:at]), 0.01))
+    early = int(rests[-1]) + 1
+    if time_s[early] < at_s - ERRORS * error_s - (time_s[row] - time_s[row - 1]):
         return Onset(early, float(at_s - time_s[early]), high_s)
     return Onset(row, error_s, high_s)
-
-
-def _bases(t: Array, at: Array, tau: float) -> Array:
-    """1 − e^(−(t − t0)/τ) behind each instant, shape (instants, n)."""
-    return -np.expm1(-np.maximum(t - at[:, None], 0.0) / tau)
 
 
 def _on_grid(t: Array, y: Array) -> tuple[tuple[float, float], float]:
@@ -83,7 +80,7 @@ def _on_grid(t: Array, y: Array) -> tuple[tuple[float, float], float]:
     at = t[: max(2, len(t) - 3)]
     centred, best, start = y - y.mean(), (np.inf, 0.0, 1.0), np.inf
     for tau in TAUS * float(t[-1] - t[0]):
-        bases = _bases(t, at, tau)
+        bases = -np.expm1(-np.maximum(t - at[:, None], 0.0) / tau)
         bases -= bases.mean(axis=1, keepdims=True)
         sizes = np.maximum(np.vecdot(bases, bases), 1e-300)
         left = centred @ centred - np.maximum(bases @ centred, 0.0) ** 2 / sizes
@@ -92,42 +89,21 @@ def _on_grid(t: Array, y: Array) -> tuple[tuple[float, float], float]:
     return (best[1], best[2]), (start - best[0]) / max(best[0] / max(1, len(t) - 4), 1e-24)
 
 
-def _refined(t: Array, y: Array, near: tuple[float, float]) -> tuple[float, float]:
-    """The instant of least squares, and its standard error from what is left."""
-
-    def left(p: Array) -> Array:
-        X = np.stack((np.ones_like(t), _bases(t, p[:1], float(np.exp(p[1])))[0]), axis=1)
-        return np.asarray(y - X @ np.linalg.lstsq(X, y, rcond=None)[0])
-
-    scale = float(t[-1] - t[0]) / len(t)
-    begin = np.array([near[0], np.log(near[1])])
-    p = least_squares(left, begin, x_scale=[scale, 0.1]).x
-    p = p if t[0] <= p[0] <= t[-1] else begin
-    tau = float(np.exp(p[1]))
-    g = _bases(t, p[:1], tau)[0]
-    past = (t > p[0]) * np.exp(-np.maximum(t - p[0], 0.0) / tau)
-    J = np.stack((past / tau, past * np.maximum(t - p[0], 0.0) / tau, g, np.ones_like(t)), axis=1)
-    e, X = left(p), np.stack((np.ones_like(t), g), axis=1)
-    J[:, :2] *= float(np.linalg.lstsq(X, y, rcond=None)[0][1])
-    groups = e[: len(e) // GROUP * GROUP].reshape(-1, GROUP).mean(axis=1)
-    variance = max(float(e @ e), GROUP**2 * float(groups @ groups)) / max(1, len(t) - 4)
-    return float(p[0]), float(np.sqrt(variance * inverse(J.T @ J)[0, 0]))
-
-
-def _last_at_rest(rise: Array) -> int | None:
-    """First row behind the last within the band of rest, 4 standard deviations and at least 1 % of the change."""
-    start, head = None, max(FEWEST_HELD, len(rise) // 50)
-    for _ in range(3):
-        idle = median(rise[:head])
-        noise = 1.4826 * median(np.abs(rise[:head] - idle))
-        inside = np.flatnonzero(np.abs(rise - idle) <= max(4 * noise, 0.01))
-        if not len(inside):
-            return None
-        leaves = int(inside[-1]) + 1
-        if leaves == start:
-            break
-        start, head = leaves, max(FEWEST_HELD, leaves * 9 // 10)
-    return start
+def _refined(t: Array, y: Array, at: float, tau: float) -> tuple[float, float]:
+    """The instant of least squares, by a few steps from that of the grid, and its standard error by what is left."""
+    ones, ends = np.ones_like(t), []
+    for _ in range(STEPS):
+        since = np.maximum(t - at, 0.0)
+        g, slope = -np.expm1(-since / tau), (t > at) * np.exp(-since / tau) / tau
+        (c, A), *_ = np.linalg.lstsq(np.stack((ones, g), axis=1), y, rcond=None)
+        left, J = y - c - A * g, np.stack((-A * slope, -A * slope * since, g, ones), axis=1)
+        ends.append((float(left @ left), at, left, J))
+        step = np.linalg.lstsq(J, left, rcond=None)[0]
+        at, tau = at + step[0], tau * float(np.exp(np.clip(step[1], -0.5, 0.5)))
+    square, at, left, J = min(ends, key=lambda end: end[0])
+    groups = left[: len(left) // GROUP * GROUP].reshape(-1, GROUP).mean(axis=1)
+    variance = max(square, GROUP**2 * float(groups @ groups)) / max(1, len(t) - 4)
+    return at, float(np.sqrt(variance * inverse(J.T @ J)[0, 0]))
 
 
 class LetGo(NamedTuple):
