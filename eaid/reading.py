@@ -30,17 +30,16 @@ from eaid.options import ReadOptions, typed
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
-from eaid.steps.checks import Record, bridged, of_record
-from eaid.steps.cut import active_low, cut_runs, onset, refuse_percent, settled_steps
-from eaid.steps.noise import block_means
-from eaid.steps.plateaus import is_recorded, plateaus, switching
+from eaid.steps.checks import Record, bridged, of_record, ramp
+from eaid.steps.cut import active_low, cut_runs, refuse_percent, settled_steps
+from eaid.steps.onset import let_go, onset
+from eaid.steps.plateaus import AT_REST_BELOW, FEWEST_HELD, is_recorded, plateaus, switching
 from eaid.steps.repeats import counted_once
 from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
 
 ASKED = {"time-unclear", "time-unit-differs"}  # What is asked before anything else is done
-OUTPUT_BLOCKS, BLOCKS_LATE = 400, 4  # An output is let go where it falls within so many blocks of all …
-HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
+TOGETHER = 0.02  # Share of the longest log within which outputs are let go at one time
 
 
 def read_steps(
@@ -126,11 +125,11 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
         more["name_pattern"] = pattern
         if "input" not in units and (unit := unit_beside(pattern)):
             units["input"] = unit
-    starts = [factor * float(run.time_s[at]) for run in blind if (at := onset(run.output))]
+    starts = [factor * float(run.time_s[at.row]) for run in blind if (at := onset(run.time_s, run.output)) and at.row]
     if options.step_at is None and len(starts) > 1 and np.ptp(np.quantile(starts, (0.2, 0.8))) < 0.05 * median(starts):
         more["step_at"] = _roundest(median(starts))
-    if options.until is None and (let_go := let_go_of(blind)):
-        more["until"] = _roundest(factor * let_go[0])
+    if options.until is None and (end := let_go_of(blind)[1]) is not None:
+        more["until"] = _roundest(factor * end)
     guessed = {"columns": columns, "units": units}
     more |= {name: as_typed(value) for name, value in guessed.items() if value != getattr(options, name)}
     repair = {"repair": True} if any("«repair»" in fault for fault in faults) else {}
@@ -150,24 +149,16 @@ def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:
     return {}
 
 
-def let_go_of(runs: Sequence[Run]) -> tuple[float, int] | None:
-    """When the outputs of logs fall for good, on their own clock, and of how many; None where most do not, alike."""
-    runs = [run for run in runs if run.until_s is None and len(run.output) >= OUTPUT_BLOCKS]
-    falls = []
-    for run in runs:
-        means = block_means(run.output, OUTPUT_BLOCKS)
-        moved = np.abs(means - median(means[:BLOCKS_LATE]))
-        peak = float(np.quantile(moved, 0.95))
-        held = np.flatnonzero(moved >= HELD * peak)
-        last = int(held[-1]) if len(held) else OUTPUT_BLOCKS
-        within = BLOCKS_LATE < last < 0.95 * OUTPUT_BLOCKS - BLOCKS_LATE
-        if within and (moved[last + BLOCKS_LATE :] < LEFT * peak).mean() > 0.95:
-            edge = run.output[int(last * len(run.output) / OUTPUT_BLOCKS) :]
-            at = len(run.output) - len(edge) + len(edge) // (OUTPUT_BLOCKS - last)
-            falls.append(run.start_s + float(run.time_s[at]))
-    span = max((float(run.time_s[-1]) for run in runs), default=0.0)
-    alike = [at for at in falls if abs(at - median(np.array(falls))) <= 0.02 * span]
-    return (median(np.array(alike)), len(alike)) if 2 * len(alike) > len(runs) else None
+def let_go_of(runs: Sequence[Run]) -> tuple[dict[str, float], float | None]:
+    """When the outputs of logs fall for good, by the log's name, if most of them do; and when on the logs' own clocks,
+    if all fall at once and at one time."""
+    ends = {run.name: end for run in runs if run.until_s is None and (end := let_go(run.time_s, run.output))}
+    if 2 * len(ends) <= len(runs):
+        return {}, None
+    at = [run.start_s + ends[run.name].at_s for run in runs if run.name in ends]
+    close = max(abs(one - median(at)) for one in at) <= TOGETHER * max(float(run.time_s[-1]) for run in runs)
+    together = close and all(end.at_once for end in ends.values())
+    return {name: end.at_s for name, end in ends.items()}, median(at) if together else None
 
 
 def _roundest(value: float) -> str:
@@ -182,16 +173,26 @@ def _asked(runs: Sequence[Run], how: str) -> Iterator[str]:
         yield from (f"{run.where}: {say(one)}" for one in run.findings if one.code in ASKED)
         if how != "recorded" and not run.cut and run.has_input and (rows := switching(run.input)):
             yield f"{run.where}: {say(finding('input-switches', run.name, rows=rows))}"
+
+
+def _ended(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
+    """Logs without an input that are let go, each by itself, ended there; where all are let go at once and at one time,
+    the question whether that is so."""
     blind = [run for run in runs if not (run.dataset or run.cut or run.has_input) and run.kind in (None, "clutch")]
     if any(one.code in ASKED for run in blind for one in run.findings):
-        return  # nobody knows yet when that is
-    if blind and (let_go := let_go_of(blind)):
-        n = f"in {let_go[1]} of {len(blind)} logs " * (len(blind) > 1)
-        at = _roundest(let_go[0])
-        yield (
-            f"{blind[0].where}: the output falls at {at} s {n}and stays low: a release, which no column tells; end the "
-            f"window there with «until» {at}, or say where it ends"
-        )
+        return list(runs), []  # nobody knows yet when that is
+    falls, end = let_go_of(blind)
+    if end is None:
+        told = {name: finding("let-go-from-output", name, at_s=at) for name, at in falls.items()}
+        return [
+            replace(run, until_s=falls[run.name], findings=(*run.findings, told[run.name]))
+            if any(run is one for one in blind) and run.name in falls else run for run in runs
+        ], []  # fmt: skip
+    n, at = f"in {len(falls)} of {len(blind)} logs " * (len(blind) > 1), _roundest(end)
+    return list(runs), [
+        f"{blind[0].where}: the output falls at {at} s {n}and stays low: a release, which no column tells; end the "
+        f"window there with «until» {at}, or say where it ends"
+    ]
 
 
 def two_sided(steps: Sequence[Run]) -> bool:
@@ -204,19 +205,43 @@ def two_sided(steps: Sequence[Run]) -> bool:
     return signs >= {-1.0, 1.0}
 
 
+def blank(run: Run, top: float) -> bool:
+    """Whether a log is at rest throughout, by its input beside the largest of all, or by its name."""
+    if run.cut or len(run.time_s) < FEWEST_HELD or run.position is not None or run.kind not in (None, "clutch"):
+        return False
+    if not run.has_input:
+        return run.level == 0
+    holds = plateaus(run.input)
+    return len(holds) == 1 and abs(holds[0].level) <= AT_REST_BELOW * top
+
+
+def mostly_ramps(steps: Sequence[Run]) -> bool:
+    """Whether most steps' inputs are on their way while the output makes much of its change: logs are fitted whole."""
+    rises = [Step(run) for run in steps if run.edge == "rising" and run.has_input and run.kind in (None, "clutch")]
+    ramps = [step for step in rises if (told := ramp(step)) is not None and told.code == "input-ramps-on"]
+    return 2 * len(ramps) > len(rises)
+
+
 def steps_of(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
     how, runs = options.logs_as, chosen([(run, run.name) for run in runs], options.where)
-    if asked := list(_asked(runs, how)):
-        raise DataError(*faults, *asked)
+    asked, (runs, more) = list(_asked(runs, how)), _ended(runs)
+    if asked or more:
+        raise DataError(*faults, *asked, *more)
+    top = max((float(np.abs(run.input).max()) for run in runs if run.has_input), default=0.0)
+    blanks = [run.name for run in runs if how != "recorded" and blank(run, top)]
+    out = (
+        [finding("runs-left-out", "data", runs=tuple(blanks), of=len(runs), why="at rest throughout")] if blanks else []
+    )
+    runs = [run for run in runs if run.name not in blanks] or runs
     uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
     whole = [run for run in runs if not any(run is one for one in uncut)]
     steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)
-    if how == "auto" and two_sided(steps):
+    if how == "auto" and (two_sided(steps) or mostly_ramps(steps)):
         uncut, whole, steps = [*uncut, *whole], [], []
     if options.repair:
         uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
@@ -228,7 +253,7 @@ def steps_of(
     uncut, steps = counted_once(uncut), counted_once(steps)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))
-    about = (*stepset.findings, *several_factors([*steps, *uncut]))
+    about = (*out, *stepset.findings, *several_factors([*steps, *uncut]))
     if options.levels is not None:
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]

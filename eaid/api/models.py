@@ -142,6 +142,7 @@ def fit(
     from eaid.results.common import Samples
     from eaid.results.parameters import table_of
     from eaid.results.responses import responses_of
+    from eaid.results.verdict import judged
 
     if steps.recorded:
         from eaid.recorded.fit import fit_whole
@@ -159,10 +160,9 @@ def fit(
 
             fitted = with_another_kind(as_clutch, steps, how)
     of_data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
+    fitted = judged(msgspec.structs.replace(fitted, data=of_data))
     responses = responses_of(steps.noted_late(fitted.noted_late_s), as_clutch.findings)
-    return msgspec.structs.replace(
-        fitted, data=of_data, responses=responses, parameters=table_of(fitted), samples=Samples(steps)
-    )
+    return msgspec.structs.replace(fitted, responses=responses, parameters=table_of(fitted), samples=Samples(steps))
 
 
 def _ask(steps: StepSet) -> None:

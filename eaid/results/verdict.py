@@ -117,6 +117,10 @@ def failures(fit: "Fit") -> list[Finding]:
     shapeless = (any(said.code == "shape-explains-little" for said in one.findings) for one in fit.steps)
     if fit.steps and not any(getattr(fit, name) for name in MODELS) and all(shapeless):
         found.append(finding("no-step-has-a-shape", "steps"))
+    played = [one.fit_pct for one in fit.data.replayed if one.fit_pct is not None]
+    missed = {u for one in fit.findings if one.code == "curve-misses-levels" for u in one.levels}
+    if (missed and missed >= set(fit.data.levels)) or (played and float(np.median(played)) < 0):
+        found.append(finding("model-explains-little", "nonlinear"))
     return [*found, *_nonlinear(fit), *_linear(fit)]
 
 

@@ -9,7 +9,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Run
 from eaid.options import ExperimentKind, ReadOptions, typed
-from eaid.steps.checks import CHECKS, creeping, disagreements, idle_slope
+from eaid.steps.checks import CHECKS, broken_off, creeping, disagreements, idle_slope
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
@@ -110,13 +110,15 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
         ]
         for name, step in steps.items()
     }  # fmt: skip
+    for one in (told for _, group in rising for told in broken_off([steps[run.name] for run in group])):
+        of_runs[one.subject].append(one)
     out = _stopped(runs, of_runs)
     levels = _averaged(rising, steps, out)
-    for level in levels:
-        for one in disagreements(level, input_unit):
-            of_runs[one.subject].append(one)
+    odd = disagreements(levels, input_unit)
+    for name in of_runs:
+        of_runs[name] += _of_subject(odd, name)
     rises = [steps[run.name] for _, group in rising for run in group]
-    findings = [*_of_subject(of_signs, "data"), *creeping(rises)]
+    findings = [*_of_subject([*of_signs, *odd], "data"), *creeping(rises)]
     findings += fraction if levels and levels[-1].level <= 1 else ()
     if stairs := sum(run.from_level != 0 for run in runs):
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))

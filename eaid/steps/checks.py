@@ -44,7 +44,9 @@ MOST_BRIDGED = 0.01  # Share of a run that «repair» bridges
 FEW_SAMPLES_CHECKED = 2 * BLOCKS  # Below which neither drift nor what is left is told
 MOVED = 0.05  # Share of the swing by which the output may have moved behind a gap or a ramp that the step falls into
 MOVED_FAR = 0.2  # Share of the swing from which what it moved during a ramp leaves no time constants to be told
-DISAGREE = 0.10  # Repeats whose torque at the end differs by more than this share are told
+BROKEN_OFF = 0.5  # Share of the usual window of a level's repeats below which one counts as broken off
+ODD, DISAGREE = 0.01, 0.05  # Chance, and share, beyond which a repeat's output at the end is off the others'
+FEW = SCATTERS = 0.10  # The same of two runs alone; and the standard deviation from which repeats are told to scatter
 TURN_BLOCKS = 400  # An output is averaged to so many blocks, and followed from turn to turn
 QUICK = 0.2  # Share of the record that an edge behind the first may take: what comes back slower is drift
 MOVES = 0.15  # Share of the range that an edge moves within a fiftieth of the record
@@ -248,7 +250,7 @@ def _gap_at_step(step: Step) -> Finding | None:
     return finding("step-in-gap", step.run.name, gap_s=gap, at_s=at, moved_pct=100 * first / step.swing)
 
 
-def _ramp(step: Step) -> Finding | None:
+def ramp(step: Step) -> Finding | None:
     """An input that is on its way to the new level while the output moves already."""
     run, name = step.run, step.run.name
     if not step.start or not run.has_input or not step.swing > 0:
@@ -406,9 +408,9 @@ def _several_edges(step: Step) -> Finding | None:
 
 # The checks of one run, by its edge: each gives a finding or nothing
 CHECKS: dict[str, tuple[Callable[[Step], Finding | None], ...]] = {
-    "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, _ramp, _drift, _not_idle, saturated, stuck,
+    "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, ramp, _drift, _not_idle, saturated, stuck,
                copied, coarse, isolated_spikes, _several_edges),
-    "falling": (_negative, _glitch, _gap, _gap_at_step, _ramp, saturated, stuck, copied, isolated_spikes,
+    "falling": (_negative, _glitch, _gap, _gap_at_step, ramp, saturated, stuck, copied, isolated_spikes,
                 _left_after_release),
 }  # fmt: skip
 
@@ -439,14 +441,38 @@ def of_record(run: Run) -> list[Finding]:
     return [*filter(None, (check(Record(run)) for check in (_gap, stuck, renewed, copied, isolated_spikes)))]
 
 
-def disagreements(level: Level, unit: str) -> list[Finding]:
-    """One for each repeat of a level where the means over their last quarter spread by more than `DISAGREE`."""
-    ends = level.runs[:, -max(1, level.runs.shape[1] // 4) :].mean(axis=1)
-    middle, spread = abs(float(ends.mean())), float(np.ptp(ends))
-    if spread <= DISAGREE * middle or middle == 0:
-        return []
-    own_pct = 100 * (ends - ends.mean()) * len(ends) / (len(ends) - 1) / middle  # each from the mean of the others
+def broken_off(steps: Sequence[Step]) -> list[Finding]:
+    """One for each repeat of a level that ends long before most of them do: all would be cut to its window."""
+    ends = [float(step.time_s[-1]) for step in steps]
+    usual = sorted(ends)[len(ends) // 2]
     return [
-        finding("repeats-disagree", name, [level.level], own_pct=pct, spread_pct=100 * spread / middle, unit=unit)
-        for name, pct in zip(level.names, own_pct.tolist(), strict=True)
-    ]
+        finding("broken-off", step.run.name, step.levels, own_s=end, usual_s=usual)
+        for step, end in zip(steps, ends, strict=True) if end < BROKEN_OFF * usual
+    ]  # fmt: skip
+
+
+def disagreements(levels: Sequence[Level], unit: str) -> list[Finding]:
+    """The repeats whose held output, the mean of the last quarter, is off the others of their level by more than the
+    scatter of all but it explains, a t test at `ODD` in all; and that scatter, where it is large by itself."""
+    from scipy.special import stdtrit  # only where steps are looked at: reading a dataset needs none of it
+
+    known: list[tuple[Level, Array]] = []  # with how far each repeat is off the mean, over it
+    for level in levels:
+        ends = level.runs[:, -max(1, level.runs.shape[1] // 4) :].mean(axis=1)
+        if len(ends) > 1 and ends.mean() != 0:
+            known.append((level, ends / abs(float(ends.mean())) - np.sign(ends.mean())))
+    squares = sum(float(off @ off) for _, off in known)
+    degrees, count = sum(len(off) - 1 for _, off in known), sum(len(off) for _, off in known)
+    found = []
+    for level, off in known:
+        others = len(off) / (len(off) - 1)
+        for name, one in zip(level.names, off.tolist(), strict=True):
+            left = max(squares - one**2 * others, 0.0) / max(degrees - 1, 1)
+            limit = float(stdtrit(degrees - 1, 1 - ODD / 2 / count)) * np.sqrt(left * others) if degrees > 1 else FEW
+            if abs(one) * others > max(limit, DISAGREE):
+                values = {"own_pct": 100 * one * others, "spread_pct": 100 * float(np.ptp(off)), "unit": unit}
+                found.append(finding("repeats-disagree", name, [level.level], **values))
+    sd = float(np.sqrt(squares / max(degrees, 1)))
+    if sd > SCATTERS and not found:
+        found.append(finding("repeats-scatter", "data", sd_pct=100 * sd, runs=count))
+    return found

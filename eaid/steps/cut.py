@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array, median, read_only
+from eaid.arrays import median, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, say, stops
 from eaid.logs.columns import MOTION, SWITCHES
@@ -22,6 +22,7 @@ from eaid.options import ReadOptions
 from eaid.steps.baseline import baseline_rule, first_samples, last_rest
 from eaid.steps.checks import several_edges
 from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise
+from eaid.steps.onset import onset
 from eaid.steps.plateaus import BACK, FEWEST_HELD, Plateau, end_of, plateaus, stands_still, tolerance, turns, zero_of
 from eaid.steps.step import Step, sample_at
 from eaid.steps.stepset import LevelStep
@@ -31,6 +32,7 @@ NO_STEP = "record the idle time before the step too, or give the step instant wi
 NEAR_EDGE = 0.1  # Share of a log within which its output answers to what switches it
 WITH = 0.01  # Share of a log within which another channel moves with the step
 CUT_BLOCKS = 4000  # Means of a position, between which its turns are looked for
+AT_ONCE = 0.2  # Share of the time to its rise that an output under a constant input may rest, which is a dead time
 SLOWS = 0.8  # Share of its usual speed below which a stroke slows down
 WANDERS = 0.15  # Range of a measured input, as a share of its median, up to which it is one load that wanders
 MOST_SETTLED = 60  # Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too
@@ -187,10 +189,14 @@ def cut_by_output(run: Run) -> list[Run]:
     constant = median(run.input) if run.has_input else None
     level = constant if run.level is None else run.level
     rig = run.kind in ("friction-force", "friction-speed")  # its input is held while something else makes it slip
-    from_start = rises_at_once(run.output, first_samples(run.output)) and bool(level)
-    if constant is not None and not rig and not from_start:
+    rows = slice(None) if run.until_s is None else slice(sample_at(run, run.until_s))
+    begins = onset(run.time_s[rows], run.output[rows])
+    at = None if begins is None else begins.row
+    if constant is not None and not rig:
+        from_start = begins is not None and level and run.time_s[begins.row] <= AT_ONCE * begins.high_s
+        at = 0 if from_start else None
+    if constant is not None and at is None and not rig:
         raise DataError(f"{run.where}: the input stays at {constant:g} {run.input_unit}: no step; {NO_STEP}")
-    at = 0 if rises_at_once(run.output) or (from_start and not rig) else onset(run.output)
     switched = [(at_s, column) for column, at_s in run.moves if _switches(column)]
     span = float(run.time_s[-1] - run.time_s[0])
     switched = [one for one in switched if at is None or abs(one[0] - run.time_s[at]) <= NEAR_EDGE * span]
@@ -198,7 +204,7 @@ def cut_by_output(run: Run) -> list[Run]:
         at_s, column = min(switched)
         note = finding("step-from-command", run.name, step_s=at_s, column=column)
         return cut_at(replace(run, level=level, findings=(*run.findings, note)), at_s)
-    if level is None or at is None:
+    if level is None or begins is None or at is None:
         odd = several_edges(run.name, run.time_s, run.output)
         if odd is not None:
             raise DataError(f"{run.where}: {say(odd)}")
@@ -208,7 +214,7 @@ def cut_by_output(run: Run) -> list[Run]:
     if at == 0:
         note = finding("step-at-first-sample", run.name, start=first_samples(run.output), unit=run.output_unit)
     else:
-        note = finding("step-from-output", run.name, step_s=float(run.time_s[at]))
+        note = finding("step-from-output", run.name, step_s=float(run.time_s[at]), error_s=begins.error_s)
     return cut_at(replace(run, level=level, findings=(*run.findings, note)), float(run.time_s[at]))
 
 
@@ -224,51 +230,6 @@ def _switches(column: str) -> bool:
     """Whether a column switches the input on, and does not move the stand, by its name without its unit."""
     words = words_of(split_name(column)[0])
     return bool(words & SWITCHES) and not words & MOTION
-
-
-def rises_at_once(output: Array, start: float = 0.0) -> bool:
-    """True where the output begins at `start` and leaves it from its first sample on, without an idle stretch."""
-    count = len(output)
-    if count < 2 * FEWEST_HELD:
-        return False
-    rise = output - start
-    end = median(rise[-(count // 10) :])
-    noise = sample_noise(output)
-    if abs(end) <= 8 * noise or abs(float(rise[:3].mean())) > 0.2 * abs(end):
-        return False
-    above = np.flatnonzero(np.sign(end) * rise >= 0.5 * abs(end))
-    high = int(above[0]) if len(above) else count - 1
-    # at a quarter of the time to half of its end value a step response has long risen; an idle output has not
-    quarter = np.sign(end) * rise[high // 4 : high // 4 + high // 8 + 1]
-    return bool(quarter.mean() >= 0.05 * abs(end) + 4 * noise / np.sqrt(len(quarter)))
-
-
-def onset(output: Array) -> int | None:
-    """First sample after the output's last visit to its idle band before it is half-way up; None where none stands out.
-
-    The idle band is the median of the first samples ± 4 standard deviations, at least 1 % of the rise.
-    """
-    count = len(output)
-    head = max(FEWEST_HELD, count // 50)
-    if count < 2 * FEWEST_HELD:
-        return None
-    start = None
-    for _ in range(3):
-        idle = median(output[:head])
-        noise = 1.4826 * median(np.abs(output[:head] - idle))
-        away = np.abs(output - idle)
-        rise = float(np.quantile(away, 0.9))
-        if rise <= 8 * noise or rise == 0:
-            return None
-        half = np.flatnonzero(away >= 0.5 * rise)
-        inside = np.flatnonzero(away[: half[0]] <= max(4 * noise, 0.01 * rise))
-        if not len(inside):
-            return None
-        leaves = int(inside[-1]) + 1
-        if leaves == start:
-            break
-        start, head = leaves, max(FEWEST_HELD, leaves * 9 // 10)
-    return start
 
 
 def cut_reversals(run: Run) -> list[Run]:

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 import eaid
+from eaid.findings import finding
 
 T = np.arange(0.0, 18.0, 0.02)
 LEVELS = (20.0, 40.0, 60.0, 80.0, 100.0)
@@ -77,3 +78,20 @@ def test_what_fails_in_a_model_and_what_does_not(sound: Any) -> None:
         assert reason.code == code and not fit.verdict.usable
         other = "nonlinear" if reason.subject == "linear" else "linear"
         assert fit.verdict.of(other).usable and not fit.verdict.of(reason.subject).usable
+
+
+def test_a_plant_that_explains_no_level_or_not_its_own_logs_is_not_usable(sound: Any) -> None:
+    def played(*fit_pct: float) -> Any:
+        rows = tuple(msgspec.structs.replace(row, fit_pct=fit_pct[0]) for row in sound.data.replayed[:-1])
+        last = msgspec.structs.replace(sound.data.replayed[-1], fit_pct=fit_pct[-1])
+        return changed(sound, "data", replayed=(*rows, last))
+
+    def missing(levels: tuple[float, ...]) -> Any:
+        told = finding("curve-misses-levels", "nonlinear", levels, fit_pct=-3.0, worst=20.0, of=len(LEVELS))
+        return msgspec.structs.replace(sound, findings=(told,))
+
+    for good in (played(5.0, -80.0), missing(LEVELS[1:])):
+        assert good.verdict.usable
+    assert missing(LEVELS[1:]).verdict.not_at == LEVELS[1:]
+    for bad in (played(-5.0, 80.0), missing(LEVELS)):
+        assert [one.code for one in bad.verdict.reasons] == ["model-explains-little"]

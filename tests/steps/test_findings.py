@@ -11,8 +11,9 @@ import pytest
 
 import eaid
 from eaid.errors import DataError
+from eaid.findings import say
 
-from .make import curve, log, plus, read, told, white, with_input, without_input
+from .make import curve, log, plus, read, told, values, white, with_input, without_input
 
 PLAN = [(0.0, 4.0), (50.0, 8.0)]
 RUN = log(PLAN)
@@ -223,13 +224,64 @@ def only(steps: Any, code: str) -> Any:
     return found.values
 
 
-def test_repeats_that_disagree() -> None:
-    """Ends of 2, 2 and 2.5: the spread over their mean, and each from the mean of the others."""
+def scattered(sd: float, odd: float = 1.0, levels: int = 5, repeats: int = 4) -> Any:
+    """A set whose repeats scatter, one of them off by a factor."""
+    rng = np.random.default_rng(3)
+    gains = np.exp(sd * rng.normal(size=levels * repeats))
+    gains[9] *= odd
+    logs = {f"a{k}": log([(0.0, 4.0), (10.0 * (1 + k // repeats), 8.0)], gain=0.04 * g) for k, g in enumerate(gains)}
+    return read({name: plus(frame, white(1200, 1e-3, k)) for k, (name, frame) in enumerate(logs.items())})
+
+
+def test_repeats_that_disagree_beyond_what_repeats_scatter() -> None:
+    """Ends of 2, 2 and 2.5: the spread over their mean, and the odd one from the mean of the others."""
     steps = read([log(PLAN, gain=gain, noise=1e-6, seed=k) for k, gain in enumerate((0.04, 0.04, 0.05))])
-    for run, own in zip(steps.runs, (-11.54, -11.54, 23.08), strict=True):
-        (said,) = run.findings
-        assert (said.code, said.levels) == ("repeats-disagree", (50.0,))
-        assert said.values == {"spread_pct": near(23.08), "own_pct": near(own), "unit": "%"}
+    assert [len(run.findings) for run in steps.runs] == [0, 0, 1]
+    assert only(steps, "repeats-disagree") == {"spread_pct": near(23.08), "own_pct": near(23.08), "unit": "%"}
+    assert told(read([log(PLAN, gain=gain) for gain in (0.04, 0.045)])) == ["repeats-disagree"] * 2
+    for sd, odd, code in ((0.06, 1.0, None), (0.06, 1.6, "repeats-disagree"), (0.18, 1.0, "repeats-scatter")):
+        steps = scattered(sd, odd)
+        assert told(steps) == ([] if code is None else [code])
+    assert values(steps, "repeats-scatter")["sd_pct"] == near(20.0, 0.25)
+
+
+def broken(levels: tuple[float, ...], first_s: float) -> Any:
+    """Three repeats of each level of 8 s, the first of each of another length."""
+    lasts = {f"u{u:g}_{k}": (u, first_s if k == 1 else 8.0) for u in levels for k in (1, 2, 3)}
+    return read({name: log([(0.0, 4.0), (u, s)], noise=0.01, seed=k) for k, (name, (u, s)) in enumerate(lasts.items())})
+
+
+def test_a_repeat_that_is_broken_off_shortens_no_other() -> None:
+    steps = broken((20.0, 40.0), 1.5)
+    assert [float(level.time_s[-1]) for level in steps.levels] == [near(7.99)] * 2
+    assert [run.name for run in steps.runs if run.left_out] == ["u20_1", "u40_1"]
+    (out,) = (one for one in steps.all_findings if one.code == "runs-left-out")
+    assert "2 of 6 runs left out of the fit" in say(out) and "ends 1.49 s behind its step" in say(out)
+    assert [len(level.names) for level in broken((20.0, 40.0), 6.0).levels] == [3, 3]
+
+
+def test_a_log_at_rest_throughout_is_left_out_and_named() -> None:
+    logs = {"blank": log([(0.0, 12.0)], noise=0.01), "a": NOISY, "b": log([(0.0, 4.0), (1.0, 8.0)], noise=1e-4)}
+    steps = read(logs)
+    assert [level.level for level in steps.levels] == [1.0, 50.0]
+    (out,) = (one for one in steps.findings if one.code == "runs-left-out")
+    assert out.values["runs"] == ("blank",)
+    with pytest.raises(DataError, match="the input stays at 0 %: no step"):
+        read({"blank": logs["blank"]})
+
+
+@pytest.mark.parametrize("ramp_s", [0.05, 0.6])
+def test_slow_ramps_to_each_level_are_fitted_as_they_were_recorded(ramp_s: float) -> None:
+    fine = np.arange(24_000) / 2000
+    logs = []
+    for u in (20.0, 40.0, 60.0, 80.0):
+        ramp = u * np.clip((fine - 4) / ramp_s, 0, 1)
+        y = np.convolve(np.diff(ramp, prepend=0.0), 0.04 * curve(np.arange(len(fine)) / 2000))[: len(fine)][::20]
+        logs.append(with_input(log([(0.0, 12.0)]), ramp[::20]).assign(torque_nm=y + white(1200, 0.002, int(u))))
+    fit = eaid.fit(logs)
+    assert fit.verdict.usable and (fit.recorded is not None) is (ramp_s > 0.1)
+    assert fit.plant.time_constants(np.array([50.0]))[0] == near(0.2, 0.1)
+    assert fit.plant.steady(80.0) == near(3.2, 0.03)
 
 
 def test_what_options_bring_up() -> None:

@@ -13,7 +13,7 @@ from eaid.apparatus import Apparatus
 from eaid.errors import DataError, UsageError
 from eaid.steps.stepset import Level, StepSet
 
-from .make import log, plus, read, told, white, with_input
+from .make import log, plus, read, told, white, with_input, without_input
 
 T = np.arange(800) / 100
 STEP = log([(0, 4), (50, 4)])
@@ -205,3 +205,32 @@ def test_a_hold_ends_before_its_noted_end_where_its_input_was_noted_late(tmp_pat
     assert [row.tau2 for row in fit.friction.levels] == pytest.approx([5.0] * 4, rel=0.03)
     assert fit.responses[-1].held == pytest.approx(0.04 * 80 * (1 - 0.15 * np.exp(-11.4 / 5)), rel=0.005)
     assert min(one.fit_pct for one in fit.data.replayed) > 97
+
+
+def blind_folder(release: bool, noise: float) -> dict[str, Any]:
+    """Logs without an input column, each with an idle time, an offset and, where it is let go, an end of its own."""
+    rng, logs = np.random.default_rng(7), {}
+    for level in (100, 170, 240, 310):
+        for repeat in (1, 2):
+            idle_s = round(float(rng.uniform(1, 4)), 2)
+            frame = log([(0, idle_s), (level, 9), *([(0, 5)] if release else [])], "V", offset=0.4, tau2=4.0)
+            y = frame.torque_nm + white(len(frame), noise, level + repeat)
+            logs[f"rig_V={level}_r{repeat}"] = without_input(frame.assign(torque_nm=y)), idle_s
+    return logs
+
+
+@pytest.mark.parametrize("release", [False, True])
+@pytest.mark.parametrize("noise", [0.02, 0.2])
+def test_each_log_without_an_input_has_an_instant_of_its_own(release: bool, noise: float) -> None:
+    logs = blind_folder(release, noise)
+    steps = read({name: frame for name, (frame, _) in logs.items()}, name_pattern="_V={level}_r{repeat}")
+    assert len(steps.runs) == (2 if release else 1) * len(logs)
+    for run in steps.runs:
+        idle_s = logs[run.name.removesuffix("-release")][1]
+        (error_s,) = [one.values["error_s"] for one in run.findings if one.code == "step-from-output"] or [0.01]
+        assert abs(run.step_s - idle_s - (9 if run.edge == "falling" else 0)) <= 0.03 + 3.5 * error_s
+    fit = eaid.fit(steps)
+    assert fit.verdict.usable and fit.dead_time_s == 0
+    for level in (100, 170, 240, 310):
+        for name, true in (("Ts", 0.04 * level), ("tau1", 0.2)):
+            assert fit.at(level).loc[name].iloc[0] == pytest.approx(true, rel=0.15 if noise > 0.1 else 0.02)

@@ -122,7 +122,12 @@ ROWS: dict[str, Row] = {
     ),
     "input-negative": note("the input is negative: its size is taken"),
     "short-pieces": note("{pieces:#shorter piece} of fewer than {fewest} samples left out"),
-    "step-from-output": note("step instant {step_s:.6g} s found from the output alone: late by a sample or more"),
+    "step-from-output": note(
+        "step instant {step_s:.6g} ± {error_s:.2g} s found from the output alone: no dead time shows in it"
+    ),
+    "let-go-from-output": note(
+        "the output falls for good at {at_s:.6g} s, found from it alone: the step ends there; «until» ends it elsewhere"
+    ),
     "step-from-command": note("step instant {step_s:.6g} s taken from {column}, which is switched on there"),
     "moves-with-step": caution(
         "{column} moves with the step: if that loads the output, the rise and its time constants are those of the "
@@ -137,6 +142,7 @@ ROWS: dict[str, Row] = {
         "nothing is recorded before the step: its first samples, {start:.4g} {unit}, are taken for its start; if it is "
         "another, say «baseline»"
     ),
+    "broken-off": stop("ends {own_s:.3g} s behind its step, and its repeats {usual_s:.3g} s"),
     "spikes-before-step": caution("{samples:#spike} before the step left out of its baseline", "samples"),
     "input-glitches": caution(
         "the input leaves its level on {rows:#row} from {at_s:.6g} s on and comes back: a glitch, and no step", "rows"
@@ -222,6 +228,9 @@ ROWS: dict[str, Row] = {
             + (f", {v['subject']} by {round(v['own_pct']):+d} % from the others" if "own_pct" in v else "")
         ),
         "own_pct",
+    ),
+    "repeats-scatter": caution(
+        "the outputs of repeats scatter by {sd_pct:.2g} % at the end (standard deviation, {runs} runs)", "sd_pct"
     ),
     "duty-may-be-fraction": caution(
         "no level is above 1 %: if the duty is a fraction of 1, say «units» input=fraction, if it is in %, input=%"
