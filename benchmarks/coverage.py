@@ -14,7 +14,7 @@ step that remembers 0 to 20 samples, each fitted as `eaid fit` does. Every inter
 
 import sys
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,7 +32,7 @@ from eaid.results.fit import Fit
 from eaid.shapes.each_step import single_steps
 from eaid.steps.build import stepset_of
 from eaid.steps.cut import cut
-from eaid.steps.stepset import Level, StepSet
+from eaid.steps.stepset import Level, RunRecord, StepSet
 
 NAMES = ("Ts", "tau1", "tau2")
 LEVELS = np.arange(10.0, 101.0, 10.0)
@@ -55,7 +55,9 @@ class Variant:
     doubled_below: float = 0.0
     """Scatter twice as large up to this duty [%]."""
     share: float = 0.85
-    """C of the plant; the fit holds 0.85."""
+    """C of the plant; the fit holds 0.85 unless the runs tell another."""
+    creep_nm_s: float = 0.0
+    """Rate at which the output creeps beside its response, while it idles for a second, too."""
     record_s: float = 20.0
     levels_off: float = 0.0
     """How far the levels' T_s lie off the curve, as a standard deviation of its logarithm."""
@@ -70,7 +72,8 @@ VARIANTS: dict[str, Variant] = {
     **{f"{s:g}s": Variant(f"three runs of {s:g} s a level", record_s=s) for s in (5.0, 8.0, 12.0)},
     "levels off": Variant("three runs a level, levels off the curve by 10 %", levels_off=0.1),
     **{f"{s:g}s single": Variant(f"one run of {s:g} s a level", runs=1, record_s=s) for s in (5.0, 8.0)},
-    "share": Variant("C of the plant 0.88, held at 0.85", share=0.88),
+    "share": Variant("C of the plant 0.88", share=0.88),
+    "creep": Variant("the output creeps by 1 % of the highest in a hold", creep_nm_s=0.002),
 }
 
 
@@ -94,8 +97,15 @@ def coloured(random: np.random.Generator, runs: int, n: int, dt_s: float) -> Arr
     return white
 
 
-def stepset(levels: tuple[Level, ...]) -> StepSet:
-    return StepSet("clutch", "%", "N·m", Apparatus(), levels)
+def stepset(levels: tuple[Level, ...], slopes: Sequence[float] = ()) -> StepSet:
+    """A set of levels; of their runs what is known is how the output creeps while it idles."""
+    names = [(name, level) for level in levels for name in level.names]
+    runs = tuple(
+        RunRecord(name, "", "", of.level, 1, 0.0, 0.0, len(of.time_s), 1 / float(of.time_s[1]), "rising",
+                  idle_slope=slope)
+        for (name, of), slope in zip(names, slopes, strict=False)
+    )  # fmt: skip
+    return StepSet("clutch", "%", "N·m", Apparatus(), levels, runs=runs)
 
 
 def one_set(
@@ -120,10 +130,12 @@ def one_set(
             own = replace(true, Ts=true.Ts * gain, tau1=true.tau1 * np.exp(0.05 * size * random.standard_normal()))
             rotor = np.sin(2 * np.pi * (ROTOR_HZ * t + random.random()))
             torque = step_response(own, t) * (1 + 0.01 * colour[i, r] + 0.01 * rotor)
-            runs.append(torque + variant.white_nm * random.standard_normal(samples))
+            runs.append(torque + variant.creep_nm_s * t + variant.white_nm * random.standard_normal(samples))
         names = tuple(f"{duty:g}-{r}" for r in range(variant.runs))
         made.append(Level(float(duty), t, np.array(runs), names))
-    return stepset(tuple(made))
+    error = variant.white_nm * np.sqrt(12 * record_s / samples)  # of a slope over a second
+    slopes = variant.creep_nm_s + error * np.random.default_rng([seed, 20262]).normal(size=variant.runs * len(levels))
+    return stepset(tuple(made), slopes.tolist())
 
 
 def truth(variant: Variant, samples: int = SAMPLES, levels: Array = LEVELS) -> dict[str, Any]:

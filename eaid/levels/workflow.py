@@ -131,7 +131,8 @@ def _with_what_is_beside(
     output where the runs show them, and nobody has held C."""
     share, codes = None if result.uncertainty is None else result.uncertainty.share, {x.code for x in result.findings}
     decays = "output-decays-under-hold" in codes
-    if share is None or result.nonlinear is None or options.share != SHARE or not (share.rejected or decays):
+    of_paper = options.share == SHARE and options.estimator != "joint"  # which holds C, as does one that was given
+    if share is None or result.nonlinear is None or not of_paper or not (share.rejected or decays):
         return recorded, result
     free, creep = besides(behind, share, SHARE)
     if "rise-of-the-rig" in codes or (creep is None and (decays or not free)):

@@ -137,6 +137,6 @@ def test_the_first_screen_of_three_logs_says_whose_the_rise_is_and_what_to_do(lo
     assert "single runs few levels" in usable and "asks for another C" not in ran.out + ran.err
     assert any(one.startswith("warning: the rise is the rig's") for one in told) is loaded
     if not loaded:  # a C that the runs tell needs no word
-        assert eaid.load(tmp_path / "fit.json").plant.C == pytest.approx(0.78, abs=0.01)
+        assert abs(eaid.load(tmp_path / "fit.json").plant.C - 0.78) < 0.01
     advice = "record steps on a stand that moves already" if loaded else "repeat each level three times"
     assert ran.out.splitlines()[-1] == f"next   {advice}; as it is: eaid tune-rc {tmp_path / 'fit.json'}"
