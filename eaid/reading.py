@@ -149,16 +149,16 @@ def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:
     return {}
 
 
-def let_go_of(runs: Sequence[Run]) -> tuple[dict[str, float], float | None]:
-    """When the outputs of logs fall for good, by the log's name, if most of them do; and when on the logs' own clocks,
+def let_go_of(runs: Sequence[Run]) -> tuple[dict[int, float], float | None]:
+    """When the outputs of logs fall for good, by the log's id, if most of them do; and when on the logs' own clocks,
     if all fall at once and at one time."""
-    ends = {run.name: end for run in runs if run.until_s is None and (end := let_go(run.time_s, run.output))}
+    ends = {id(run): end for run in runs if run.until_s is None and (end := let_go(run.time_s, run.output))}
     if 2 * len(ends) <= len(runs):
         return {}, None
-    at = [run.start_s + ends[run.name].at_s for run in runs if run.name in ends]
+    at = [run.start_s + ends[id(run)].at_s for run in runs if id(run) in ends]
     close = max(abs(one - median(at)) for one in at) <= TOGETHER * max(float(run.time_s[-1]) for run in runs)
     together = close and all(end.at_once for end in ends.values())
-    return {name: end.at_s for name, end in ends.items()}, median(at) if together else None
+    return {key: end.at_s for key, end in ends.items()}, median(at) if together else None
 
 
 def _roundest(value: float) -> str:
@@ -178,18 +178,19 @@ def _asked(runs: Sequence[Run], how: str) -> Iterator[str]:
 def _ended(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
     """Logs without an input that are let go, each by itself, ended there; where all are let go at once and at one time,
     the question whether that is so."""
+    runs = list(runs)
     blind = [run for run in runs if not (run.dataset or run.cut or run.has_input) and run.kind in (None, "clutch")]
     if any(one.code in ASKED for run in blind for one in run.findings):
-        return list(runs), []  # nobody knows yet when that is
+        return runs, []  # nobody knows yet when that is
     falls, end = let_go_of(blind)
     if end is None:
-        told = {name: finding("let-go-from-output", name, at_s=at) for name, at in falls.items()}
-        return [
-            replace(run, until_s=falls[run.name], findings=(*run.findings, told[run.name]))
-            if any(run is one for one in blind) and run.name in falls else run for run in runs
-        ], []  # fmt: skip
+        for k, run in enumerate(runs):
+            if until_s := falls.get(id(run)):
+                told = finding("let-go-from-output", run.name, at_s=until_s)
+                runs[k] = replace(run, until_s=until_s, findings=(*run.findings, told))
+        return runs, []
     n, at = f"in {len(falls)} of {len(blind)} logs " * (len(blind) > 1), _roundest(end)
-    return list(runs), [
+    return runs, [
         f"{blind[0].where}: the output falls at {at} s {n}and stays low: a release, which no column tells; end the "
         f"window there with «until» {at}, or say where it ends"
     ]
@@ -231,11 +232,10 @@ def steps_of(
     if asked or more:
         raise DataError(*faults, *asked, *more)
     top = max((float(np.abs(run.input).max()) for run in runs if run.has_input), default=0.0)
-    blanks = [run.name for run in runs if how != "recorded" and blank(run, top)]
-    out = (
-        [finding("runs-left-out", "data", runs=tuple(blanks), of=len(runs), why="at rest throughout")] if blanks else []
-    )
-    runs = [run for run in runs if run.name not in blanks] or runs
+    blanks = [run for run in runs if how != "recorded" and blank(run, top)]
+    names = tuple(run.name for run in blanks)
+    out = (finding("runs-left-out", "data", runs=names, of=len(runs), why="at rest throughout"),) if blanks else ()
+    runs = [run for run in runs if not any(run is one for one in blanks)] or runs
     uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
     whole = [run for run in runs if not any(run is one for one in uncut)]
     steps, more = cut_runs(whole, options)
