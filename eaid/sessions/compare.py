@@ -135,9 +135,9 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 
     @property
     def retuning(self) -> str:
-        """Whether to make gains anew, in words; empty of a recorded loop."""
-        if self.retune is not None or not self.files:
-            return self.retune.words() if self.retune is not None else ""
+        """Whether to make gains anew, in words."""
+        if self.retune is not None:
+            return self.retune.words()
         said = "likely, as A moved" if self.changed else "no sign of it"
         return f"{said}; «gains» gains.json holds the range of the gains against A"
 

@@ -15,6 +15,7 @@ from eaid.results.common import Number, Result
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Record, Replay
+from eaid.steps.noise import block_noise
 
 
 class Kept(Result, frozen=True):
@@ -87,7 +88,7 @@ def promise_of(
     units, wanted = (run.input_unit, run.output_unit), (given.head.input_unit, given.head.output_unit)
     if units != wanted:
         raise DataError(f"{run.where}: is in {' and '.join(units)}, the promise in {' and '.join(wanted)}; say «units»")
-    noise = float(np.median(np.abs(np.diff(run.output, 2)))) / 0.6745 / np.sqrt(6)
+    noise = block_noise(run.output)
     return Promise(name, run.where, run.output_unit, noise, _rows(run, given.records[name], noise))
 
 
