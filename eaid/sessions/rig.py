@@ -246,7 +246,7 @@ def quantity_of(
         terms = 0
     middle = float(levels[len(levels) // 2])
     sd = float(np.median([one.sd_log for one in values])) if sd_step is None else sd_step
-    model = Model(_known(values, names), options.reference_level or middle, terms, np.zeros(3)).likeliest()
+    model = Model(_known(values, names), options.reference_level or middle, terms, np.zeros(3)).likeliest()[0]
     if options.reference_level is None and model.count >= MANY_SESSIONS:
         model = model.placed()
     now, (best, after) = model.next(model.knots), model.worth_most(sd)
@@ -308,4 +308,4 @@ def _carried(model: Model) -> tuple[int, float]:
     enough = len(rest.known.y) > line.values.X.shape[1] and len(rest.knots) == len(model.knots)
     if model.count <= LEAST_SESSIONS or not enough:
         return far, math.inf
-    return far, float(np.exp(rest.likeliest().next(model.knots).reach.max()))
+    return far, float(np.exp(rest.likeliest()[0].next(model.knots).reach.max()))
