@@ -102,7 +102,7 @@ def _rows(run: Run, record: Record, noise: float) -> tuple[Kept, ...]:
     rows = []
     for key, name, recorded in (("rms_error_nm", "RMS error", rms), ("max_abs_error_nm", "largest error", largest)):
         one = spread.get(key)
-        ends = (None, None) if one is None else (one.low, one.high)
+        ends = () if one is None else (one.low, one.high)
         rows.append(Kept(name, recorded, getattr(record.metrics, key) or 0.0, *ends))
     band, own = record.tables.get("plants/band_nm"), record.columns
     peak = max(float(own["torque_nm"].max() - own["reference_nm"].max()), 0.0)

@@ -187,10 +187,9 @@ class Model:
     def worth_most(self, sd_log: float) -> tuple[float, Next]:
         """The level of the reference step that is worth most, and the session after it: the least interval at the
         worst level. What the step shows does not matter for that."""
-        ahead, tried = self._ahead(self.knots), []
-        for k, u in enumerate(self.knots.tolist()):
-            both = ahead.at(np.append(np.arange(len(self.knots)), k))
-            tried.append((u, self._given(both, self.knots, steps_known([(u, 1.0, sd_log)]))))
+        ahead, every = self._ahead(self.knots), np.arange(len(self.knots))
+        rows = [(u, ahead.at(np.append(every, k)), steps_known([(u, 1.0, sd_log)])) for k, u in enumerate(self.knots)]
+        tried = [(float(u), self._given(both, self.knots, step)) for u, both, step in rows]
         return min(tried, key=lambda one: float(one[1].reach.max()))
 
     def gains(self) -> tuple[Array, Array, Array]:

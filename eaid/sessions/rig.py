@@ -226,10 +226,8 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
 
 def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
     """A rig of a plain table."""
-    names = list(dict.fromkeys(one.session for one in values))
-    if len(names) < LEAST_SESSIONS:
-        held = counted(len(names), "session")
-        raise DataError(f"the table holds {held}; three and more tell what the next one may be")
+    if len(names := list(dict.fromkeys(one.session for one in values))) < LEAST_SESSIONS:
+        raise DataError(f"the table holds {counted(len(names), 'session')}; three and more tell what the next may be")
     quantities = {"value": quantity_of(gather.snapped(values), names, options)}
     return _judged(Rig(options=options, sessions=tuple(map(Session, names)), quantities=quantities))
 
