@@ -163,10 +163,9 @@ class Further:
 
     def at(self, places: Array) -> "Further":
         """Some of them, one more than once where it is to be measured."""
-        rows, columns = np.ix_(places, places)
-        slopes, measured = self.slopes[:, rows, columns], self.measured[rows, columns]
-        covariance = self.covariance[rows, columns]
-        return Further(self.mean[places], covariance, slopes, self.variances_covariance, measured)
+        pair = np.ix_(places, places)
+        slopes, measured = self.slopes[:, pair[0], pair[1]], self.measured[pair]
+        return Further(self.mean[places], self.covariance[pair], slopes, self.variances_covariance, measured)
 
     def degrees(self, turn: Array, known: float = np.inf) -> Array:
         """Degrees of freedom of the variances of `turn` (m, q) times the values, those of W being `known`: infinite

@@ -136,10 +136,9 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     @property
     def retuning(self) -> str:
         """Whether to make gains anew, in words."""
-        if self.retune is not None:
-            return self.retune.words()
         said = "likely, as A moved" if self.changed else "no sign of it"
-        return f"{said}; «gains» gains.json holds the range of the gains against A"
+        asked = f"{said}; «gains» gains.json holds the range of the gains against A"
+        return asked if self.retune is None else self.retune.words()
 
     def lines(self) -> list[str]:
         """The verdict."""

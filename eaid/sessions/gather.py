@@ -153,10 +153,9 @@ def table_values(frame: "pandas.DataFrame") -> list[Value]:
     fine = ((numbers >= 0) & (numbers < MANY)).all(axis=1) & (numbers[:, :2] > 0).all(axis=1)
     fine &= cells["session"].notna().to_numpy()
     if not fine.all():
-        raise DataError(*(
-            f"row {k + 1} of the table ({', '.join(map(str, cells.iloc[k]))}): level and value have to be above 0 and "
-            "sd_log 0 or above, as the model is one of logarithms; mend or drop it" for k in np.flatnonzero(~fine)[:5]
-        ))  # fmt: skip
+        rule = "level and value have to be above 0 and sd_log 0 or above, as the model is one of logarithms"
+        wrong = [(k + 1, ", ".join(map(str, cells.iloc[k]))) for k in np.flatnonzero(~fine)[:5]]
+        raise DataError(*(f"row {k} of the table ({row}): {rule}; mend or drop it" for k, row in wrong))
     return [Value(str(session), *row) for session, row in zip(cells["session"], numbers.tolist(), strict=True)]
 
 
