@@ -161,6 +161,12 @@ class Further:
     variances_covariance: Array
     measured: Array  # The part of the covariance that W makes, (q, q)
 
+    def at(self, places: Array) -> "Further":
+        """Some of them, one more than once where it is to be measured."""
+        pair = np.ix_(places, places)
+        slopes, measured = self.slopes[:, pair[0], pair[1]], self.measured[pair]
+        return Further(self.mean[places], self.covariance[pair], slopes, self.variances_covariance, measured)
+
     def degrees(self, turn: Array, known: float = np.inf) -> Array:
         """Degrees of freedom of the variances of `turn` (m, q) times the values, those of W being `known`: infinite
         where nothing is estimated."""
@@ -172,11 +178,7 @@ class Further:
 
 
 REML_STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
-MOST_STEPS, SHORTEST_STEP, NO_GAIN = (
-    60,
-    2.0**-20,
-    1e-12,
-)  # Of Fisher's scoring: steps, least share of one, gain that is none
+MOST_STEPS, SHORTEST_STEP, NO_GAIN = 60, 2.0**-20, 1e-12  # Fisher's scoring: steps, least part of one, no gain
 
 
 def restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
@@ -197,10 +199,10 @@ def _scored(values: MixedValues, v: Array) -> tuple[float, Array]:
         step[free] = -np.linalg.pinv(expected[np.ix_(free, free)], hermitian=True) @ slope[free]
         if slope @ (np.maximum(v + step, 0.0) - v) > -NO_GAIN:
             break
-        while (found := values.likelihood(tried := np.maximum(v + share * step, 0.0)))[
-            0
-        ] >= cost and share > SHORTEST_STEP:
+        found = values.likelihood(tried := np.maximum(v + step, 0.0))
+        while found[0] >= cost and share > SHORTEST_STEP:
             share /= 2
+            found = values.likelihood(tried := np.maximum(v + share * step, 0.0))
         if found[0] >= cost:
             break
         v, (cost, slope, expected) = tried, found

@@ -135,11 +135,10 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 
     @property
     def retuning(self) -> str:
-        """Whether to make gains anew, in words; empty of a recorded loop."""
-        if self.retune is not None or not self.files:
-            return self.retune.words() if self.retune is not None else ""
+        """Whether to make gains anew, in words."""
         said = "likely, as A moved" if self.changed else "no sign of it"
-        return f"{said}; «gains» gains.json holds the range of the gains against A"
+        asked = f"{said}; «gains» gains.json holds the range of the gains against A"
+        return asked if self.retune is None else self.retune.words()
 
     def lines(self) -> list[str]:
         """The verdict."""
@@ -156,11 +155,8 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a number, session and level: ratio with its interval."""
-        rows = [
-            {"quantity": one.quantity, "against": one.against, **asdict(level)}
-            for one in self.shifts for level in one.levels
-        ]  # fmt: skip
-        return pandas.DataFrame(rows)
+        rows = [(one.quantity, one.against, level) for one in self.shifts for level in one.levels]
+        return pandas.DataFrame([{"quantity": of, "against": other, **asdict(level)} for of, other, level in rows])
 
 
 def _pct(ratio: float) -> str:
@@ -232,10 +228,8 @@ def _retune(fit: Fit, gains: Gains) -> Retune:
     if fit.linear is None:
         raise DataError("the first fit holds no linear model, so no B; fit it with «model» linear too")
     B_m, B_M, kept = gains.rc.B_m, gains.rc.B_M, fit.linear.bounds.levels if fit.linear.bounds is not None else ()
-    rows = [
-        (row.level, row.B, ci95_of(row, "B"))
-        for row in fit.linear.per_level if row.B is not None and (row.level in kept or not kept)
-    ]  # fmt: skip
+    each = (row for row in fit.linear.per_level if row.level in kept or not kept)
+    rows = [(row.level, row.B, ci95_of(row, "B")) for row in each if row.B is not None]
     out = tuple(u for u, B, _ in rows if not B_m <= B <= B_M)
     # the range rests on a fit as good, so both ends are as open as this one's interval
     sure = tuple(u for u, B, ci in rows if ci and (B * (ci[1] / B) ** 2**0.5 < B_m or B * (ci[0] / B) ** 2**0.5 > B_M))

@@ -148,22 +148,15 @@ def table_values(frame: "pandas.DataFrame") -> list[Value]:
     missing = [name for name in PLAIN_COLUMNS if name not in frame.columns]
     if missing:
         raise DataError(f"the table has no column {missing[0]}; give {', '.join(PLAIN_COLUMNS)}, a value a row")
-    found, faults = [], []
-    for place, (session, *cells) in enumerate(zip(*(frame[one] for one in PLAIN_COLUMNS), strict=True), 1):
-        try:
-            level, value, sd_log = map(float, cells)
-            if not (0 < level < MANY and 0 < value < MANY and 0 <= sd_log < MANY) or session != session:
-                raise ValueError
-            found.append(Value(str(session), level, value, sd_log))
-        except (TypeError, ValueError):
-            shown = ", ".join(map(str, (session, *cells)))
-            faults.append(
-                f"row {place} of the table ({shown}): level and value have to be above 0 and sd_log 0 or above, as the "
-                "model is one of logarithms; mend or drop it"
-            )
-    if faults:
-        raise DataError(*faults[:5])
-    return found
+    cells = frame[list(PLAIN_COLUMNS)]
+    numbers = cells.iloc[:, 1:].apply(pandas.to_numeric, errors="coerce").to_numpy(dtype=np.float64)
+    fine = ((numbers >= 0) & (numbers < MANY)).all(axis=1) & (numbers[:, :2] > 0).all(axis=1)
+    fine &= cells["session"].notna().to_numpy()
+    if not fine.all():
+        rule = "level and value have to be above 0 and sd_log 0 or above, as the model is one of logarithms"
+        wrong = [(k + 1, ", ".join(map(str, cells.iloc[k]))) for k in np.flatnonzero(~fine)[:5]]
+        raise DataError(*(f"row {k} of the table ({row}): {rule}; mend or drop it" for k, row in wrong))
+    return [Value(str(session), *row) for session, row in zip(cells["session"], numbers.tolist(), strict=True)]
 
 
 def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[Value], list[Finding]]:

@@ -15,6 +15,7 @@ from eaid.results.common import Number, Result
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Record, Replay
+from eaid.steps.noise import block_noise
 
 
 class Kept(Result, frozen=True):
@@ -87,7 +88,7 @@ def promise_of(
     units, wanted = (run.input_unit, run.output_unit), (given.head.input_unit, given.head.output_unit)
     if units != wanted:
         raise DataError(f"{run.where}: is in {' and '.join(units)}, the promise in {' and '.join(wanted)}; say «units»")
-    noise = float(np.median(np.abs(np.diff(run.output, 2)))) / 0.6745 / np.sqrt(6)
+    noise = block_noise(run.output)
     return Promise(name, run.where, run.output_unit, noise, _rows(run, given.records[name], noise))
 
 
@@ -101,7 +102,7 @@ def _rows(run: Run, record: Record, noise: float) -> tuple[Kept, ...]:
     rows = []
     for key, name, recorded in (("rms_error_nm", "RMS error", rms), ("max_abs_error_nm", "largest error", largest)):
         one = spread.get(key)
-        ends = (None, None) if one is None else (one.low, one.high)
+        ends = () if one is None else (one.low, one.high)
         rows.append(Kept(name, recorded, getattr(record.metrics, key) or 0.0, *ends))
     band, own = record.tables.get("plants/band_nm"), record.columns
     peak = max(float(own["torque_nm"].max() - own["reference_nm"].max()), 0.0)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtr, stdtrit
 
 from eaid.arrays import Array
-from eaid.estimate.mixed import MixedLine, MixedValues, restricted
+from eaid.estimate.mixed import Further, MixedLine, MixedValues, restricted
 from eaid.sessions.gather import MANY
 
 EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
@@ -144,33 +144,40 @@ class Model:
         values = MixedValues(of.y, self.rows(of.level), np.diag(of.W), tuple(self.common(of, of)))
         return values.at(self.variances[self.free])
 
-    def likeliest(self) -> "Model":
-        """The same with the variances that its values make likeliest, looked for from its own."""
+    def likeliest(self) -> tuple["Model", float]:
+        """The same with the variances that its values make likeliest, looked for from its own; and −log L there."""
         near, variances = self.variances[self.free], np.zeros(3)
         found = restricted(self.line.values, np.maximum(near, 1e-3) if near.any() else None)
         variances[self.free] = found.v
-        return replace(self, variances=variances)
+        return replace(self, variances=variances), found.cost
 
     def placed(self) -> "Model":
         """The model with the likeliest of its levels as reference, from its own neighbour by neighbour, where that is
         no chance: where sessions that lie high rise more steeply too, gain and tilt are apart only where they meet."""
-        best, levels = self, self.knots.tolist()
-        at = levels.index(self.reference)
+        best, least, levels = self, self.line.cost, self.knots.tolist()
+        enough, at = least - TOLD, levels.index(self.reference)
         for way in (levels[at + 1 :], levels[:at][::-1]):
             for level in way:
-                one = replace(best, reference=level).likeliest()
-                if one.line.cost >= best.line.cost:
+                one, cost = replace(best, reference=level).likeliest()
+                if cost >= least:
                     break
-                best = one
-        return best if self.line.cost - best.line.cost > TOLD else self
+                best, least = one, cost
+        return best if least < enough else self
 
     def next(self, level: Array, steps: Known = NO_STEPS) -> Next:
         """The next session at some levels, given its reference steps: c being the share of what the steps show beyond
         their own means that goes on, its variance is that of (1, −c) times the session there and the steps."""
-        n, own = len(level), np.append(0 * level, steps.W)
-        new = Known(np.full(len(own), NEW), np.append(level, steps.level), 0 * own, own)
-        both = self.line.further(self.rows(new.level), self.common(self.known, new), self.common(new, new))
-        V = both.covariance + np.diag(own)
+        return self._given(self._ahead(np.append(level, steps.level)), level, steps)
+
+    def _ahead(self, level: Array) -> Further:
+        """The next session at some levels, of which nothing is known."""
+        new = Known(np.full(len(level), NEW), level, 0 * level, 0 * level)
+        return self.line.further(self.rows(level), self.common(self.known, new), self.common(new, new))
+
+    def _given(self, both: Further, level: Array, steps: Known) -> Next:
+        """The same at the first of them, the others being the levels of its reference steps."""
+        n = len(level)
+        V = both.covariance + np.diag(np.append(0 * level, steps.W))
         c = np.linalg.solve(V[n:, n:], V[n:, :n]).T
         turn = np.hstack([np.eye(n), -c])
         few = (self.count - 1.0) ** 2 / 2.2 * len(np.unique(steps.level))
@@ -180,7 +187,9 @@ class Model:
     def worth_most(self, sd_log: float) -> tuple[float, Next]:
         """The level of the reference step that is worth most, and the session after it: the least interval at the
         worst level. What the step shows does not matter for that."""
-        tried = [(u, self.next(self.knots, steps_known([(u, 1.0, sd_log)]))) for u in self.knots.tolist()]
+        ahead, every = self._ahead(self.knots), np.arange(len(self.knots))
+        rows = [(u, ahead.at(np.append(every, k)), steps_known([(u, 1.0, sd_log)])) for k, u in enumerate(self.knots)]
+        tried = [(float(u), self._given(both, self.knots, step)) for u, both, step in rows]
         return min(tried, key=lambda one: float(one[1].reach.max()))
 
     def gains(self) -> tuple[Array, Array, Array]:

@@ -86,10 +86,8 @@ class Quantity(Result, frozen=True):
 
     def model(self, names: Sequence[str]) -> Model:
         """Its model over the sessions of these names."""
-        if strange := {one.session for one in self.values}.difference(names):
-            raise DataError(f"a value of the rig is of {min(strange)}, which is none of its sessions; make it again")
-        of = known((names.index(one.session), one.level, one.value, one.sd_log) for one in self.values)
-        return Model(of, self.reference_level, self.terms, np.square(msgspec.structs.astuple(self.sd)))
+        variances = np.square(msgspec.structs.astuple(self.sd))
+        return Model(_known(self.values, names), self.reference_level, self.terms, variances)
 
 
 class Rig(Plotted, codec.Saved, Made, frozen=True):
@@ -154,7 +152,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
         if not (at > 0).all():
             raise UsageError("«levels»: have to be above 0, as the model is one of logarithms")
-        found = of.model(self.names).next(at, shown)
+        found = self.foreseen(at, shown, quantity)
         columns = dict(zip(("value", "low", "high", "dof"), (found.value, *found.ends, found.dof), strict=True))
         return pandas.DataFrame(columns, index=pandas.Index(at, name="level"))
 
@@ -228,10 +226,8 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
 
 def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
     """A rig of a plain table."""
-    names = list(dict.fromkeys(one.session for one in values))
-    if len(names) < LEAST_SESSIONS:
-        held = counted(len(names), "session")
-        raise DataError(f"the table holds {held}; three and more tell what the next one may be")
+    if len(names := list(dict.fromkeys(one.session for one in values))) < LEAST_SESSIONS:
+        raise DataError(f"the table holds {counted(len(names), 'session')}; three and more tell what the next may be")
     quantities = {"value": quantity_of(gather.snapped(values), names, options)}
     return _judged(Rig(options=options, sessions=tuple(map(Session, names)), quantities=quantities))
 
@@ -248,17 +244,22 @@ def quantity_of(
         terms = 0
     middle = float(levels[len(levels) // 2])
     sd = float(np.median([one.sd_log for one in values])) if sd_step is None else sd_step
-    plain = Quantity(unit, options.reference_level or middle, terms, tuple(values), Scatter(), sd, middle)
-    model = plain.model(names).likeliest()
+    model = Model(_known(values, names), options.reference_level or middle, terms, np.zeros(3)).likeliest()[0]
     if options.reference_level is None and model.count >= MANY_SESSIONS:
         model = model.placed()
     now, (best, after) = model.next(model.knots), model.worth_most(sd)
     finer = replace(model, known=replace(model.known, W=0.75 * model.known.W)).next(model.knots)
     rows = np.column_stack([now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach)])
-    return msgspec.structs.replace(
-        plain, reference_level=model.reference, sd=Scatter(*np.sqrt(model.variances).tolist()), best_level=best,
-        more_repeats=float(np.exp(finer.reach.max())), next=tuple(Foreseen(*row) for row in rows.tolist()),
-    )  # fmt: skip
+    scatter, more = Scatter(*np.sqrt(model.variances).tolist()), float(np.exp(finer.reach.max()))
+    foreseen = tuple(Foreseen(*row) for row in rows.tolist())
+    return Quantity(unit, model.reference, terms, tuple(values), scatter, sd, best, more, foreseen)
+
+
+def _known(values: Sequence[Value], names: Sequence[str]) -> Known:
+    """Values as the model takes them; DataError where one is of another session than these."""
+    if strange := {one.session for one in values}.difference(names):
+        raise DataError(f"a value of the rig is of {min(strange)}, which is none of its sessions; make it again")
+    return known((names.index(one.session), one.level, one.value, one.sd_log) for one in values)
 
 
 def _judged(rig: Rig) -> Rig:
@@ -305,4 +306,4 @@ def _carried(model: Model) -> tuple[int, float]:
     enough = len(rest.known.y) > line.values.X.shape[1] and len(rest.knots) == len(model.knots)
     if model.count <= LEAST_SESSIONS or not enough:
         return far, math.inf
-    return far, float(np.exp(rest.likeliest().next(model.knots).reach.max()))
+    return far, float(np.exp(rest.likeliest()[0].next(model.knots).reach.max()))
