@@ -65,11 +65,13 @@ def besides(stepset: StepSet, share: ShareEstimate, held: float) -> tuple[bool, 
         if not (free := C.differs(held)):
             _, rate = _solved(levels, t0, held, degrees, at_idle)
         if _creeps(rate, levels, idle):
-            return free and known(C.value - C.half, C.value + C.half), Creep(rate.value, rate.error, rate.half, t0)
-    return bool(share.matters and share.ci95 is not None and known(*share.ci95)), None
+            return free and share_is_told(C.value - C.half, C.value + C.half), Creep(
+                rate.value, rate.error, rate.half, t0
+            )
+    return bool(share.matters and share.ci95 is not None and share_is_told(*share.ci95)), None
 
 
-def known(low: float, high: float) -> bool:
+def share_is_told(low: float, high: float) -> bool:
     """Whether an interval of C tells it."""
     return 0 < low < high < 1 and high - low < 2 * SURE_SHARE
 

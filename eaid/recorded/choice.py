@@ -13,6 +13,7 @@ from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted
 from eaid.findings import Finding, finding
+from eaid.levels.creep import SHARE_CHANCE, share_is_told
 from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
@@ -62,8 +63,6 @@ LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
-SHARE_CHANCE = 1e-3  # That noise alone rejects the C that was held
-SURE_SHARE = 0.05  # Half-width of C up to which it takes the place of that
 FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
@@ -377,8 +376,8 @@ def with_share_free(held: Solved) -> tuple[Solved, float] | None:
     if free.cost > held.cost - float(chdtri(1, SHARE_CHANCE)) * noise or not 0 < free.x[at] < 1:
         return None
     half = spread(free).of(np.eye(len(free.x))[at])
-    off = abs(free.x[at] - SHARE)
-    return (free, half) if off > half and half < SURE_SHARE and 0 < free.x[at] - half < free.x[at] + half < 1 else None
+    sure = abs(free.x[at] - SHARE) > half and share_is_told(free.x[at] - half, free.x[at] + half)
+    return (free, half) if sure else None
 
 
 def energy(log: RecordedLog) -> float:

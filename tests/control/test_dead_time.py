@@ -158,7 +158,10 @@ def test_a_dead_time_that_is_given_is_held(small_steps: Any) -> None:
     assert fit.plant.dead_time_s == 0.1 and fit.predict(60.0, [0.05]).to_numpy()[0, 0] == 0.0
 
 
-@pytest.mark.parametrize(("part", "seen", "told"), [(0.2, False, True), (0.2, True, False), (1.0, False, False)])
+@pytest.mark.parametrize(
+    ("part", "seen", "told"),
+    [(0.2, False, True), (0.2, True, False), pytest.param(1.0, False, False, marks=pytest.mark.slow)],
+)
 def test_releases_quicker_than_rises_are_told_where_no_log_shows_falls_between_levels(
     small_fit: Any, part: float, seen: bool, told: bool
 ) -> None:

@@ -101,7 +101,7 @@ def test_noise_over_seeds(fit, rows):
     ("start", "options"),
     [
         ("pooled, 1/b0 (the paper's)", {}),
-        ("minimax, 2 B_m B_M/(B_m + B_M)", {"b_hat": "minimax"}),
+        pytest.param("minimax, 2 B_m B_M/(B_m + B_M)", {"b_hat": "minimax"}, marks=pytest.mark.slow),
     ],
 )
 def test_row_of_B_hat(tuned, start, options):

@@ -187,7 +187,7 @@ COPIES: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("form", ["CSV", "HDF5", "frame"])
+@pytest.mark.parametrize("form", ["CSV", "HDF5", pytest.param("frame", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", COPIES)
 def test_a_copy_is_no_repeat(kind, form, tmp_path):
     log = pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(97)})

@@ -42,7 +42,7 @@ KINDS = {
     "C free": Case(replace(CLUTCH, C=0.7), given={"share": "free"}),
     "falls of their own": Case(replace(CLUTCH, falls=(0.5, 0.7), excess=0.08, release=(0.12, 1.5))),
 }
-QUICK = {"lag, a gain each side + dead time", "series + dead time", "ringing", "falls of their own"}
+QUICK = {"lag, a gain each side + dead time", "falls of their own"}
 CASES = [
     pytest.param(name, late, id=name + late, marks=[] if name + late in QUICK else [pytest.mark.slow])
     for name in KINDS

@@ -174,17 +174,17 @@ def test_a_file_that_is_still_being_written_is_not_read(tmp_path, monkeypatch):
     steps, halves, told = tmp_path / "a.csv", tmp_path / "b.csv", list[tuple[str, int]]()
 
     def record():
-        for k in range(20):  # a row every 3 looks, but for one pause of 6
+        for k in range(12):  # a row every 3 looks, but for one pause of 6
             with steps.open("a") as file:
                 file.write(f"{k},1\n")
-            time.sleep(0.3 if k == 10 else 0.15)
+            time.sleep(0.3 if k == 6 else 0.15)
         halves.write_text("0,1\n1,")
         time.sleep(0.3)
         halves.write_text("0,1\n1,1\n")
 
     recorder = threading.Thread(target=record)
     recorder.start()
-    for file in follow.whole_files([tmp_path], 2.0):
+    for file in follow.whole_files([tmp_path], 1.2):
         told.append((file.name, len(file.read_text().splitlines()[-1])))
     recorder.join()
     assert told[-1] == ("b.csv", 3) and [name for name, _ in told].count("b.csv") == 1
