@@ -162,6 +162,8 @@ def fit(
     of_data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
     fitted = judged(msgspec.structs.replace(fitted, data=of_data))
     responses = responses_of(steps.noted_late(fitted.noted_late_s), as_clutch.findings)
+    if (creep := fitted.data.creep) is not None:
+        steps = steps.without_creep(creep.rate, creep.t0_s)
     return msgspec.structs.replace(fitted, responses=responses, parameters=table_of(fitted), samples=Samples(steps))
 
 

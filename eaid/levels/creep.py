@@ -160,15 +160,3 @@ def _errors(near: Estimate, back: Array, t0: float) -> Array:
             moved = (level.runs - level.mean) @ (w * J) @ back
             variance += (moved**2).sum(axis=0) / (runs * (runs - 1))
     return np.sqrt(variance)
-
-
-def crept(stepset: StepSet, creep: Creep) -> StepSet:
-    """The set without a creep, whose uncertainty it keeps."""
-    held_s = {level.level: float(level.time_s[-1]) for level in stepset.levels}
-    levels = [replace(one, runs=one.runs - creep.rate * (one.time_s + creep.t0_s)) for one in stepset.levels]
-    releases = [
-        replace(one, runs=one.runs - creep.rate * (one.time_s + creep.t0_s + held_s.get(one.level, 0.0)))
-        for one in stepset.releases
-    ]
-    told = tuple(one for one in stepset.findings if one.code != "output-creeps")
-    return replace(stepset, levels=tuple(levels), releases=tuple(releases), findings=told, creep=creep)

@@ -22,7 +22,7 @@ from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels.adequacy import adequacy, share_of
 from eaid.levels.bootstrap import bootstrap, drawn_ends
 from eaid.levels.certainty import Estimate, levels_first
-from eaid.levels.creep import besides, crept
+from eaid.levels.creep import besides
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.friction import friction_part, quoted, white_ends
 from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
@@ -34,7 +34,7 @@ from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FitGiven
-from eaid.results.models import FittedData, Friction, LackOfFit, Uncertainty
+from eaid.results.models import CreepFound, FittedData, Friction, LackOfFit, Uncertainty
 from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged
 from eaid.shapes.delay import Begin, dead_time_of, set_behind
@@ -139,7 +139,9 @@ def _with_what_is_beside(
         return recorded, result
     told = list[Finding]()
     if creep is not None:
-        recorded, behind = crept(recorded, creep), crept(behind, creep)
+        recorded, behind = (
+            replace(one.without_creep(creep.rate, creep.t0_s), creep=creep) for one in (recorded, behind)
+        )
         low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
         told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
     result = _fit_levels(behind, replace(options, share="free") if free else options, progress)
@@ -404,7 +406,10 @@ def data_of_steps(stepset: StepSet) -> FittedData:
     rates = [run.rate_hz for run in stepset.runs if not run.left_out]
     if not rates:
         rates = [(len(level.time_s) - 1) / float(level.time_s[-1] - level.time_s[0]) for level in stepset.levels]
+    creep = stepset.creep
+    ends = (0.0, 0.0) if creep is None else (creep.rate - creep.half, creep.rate + creep.half)
     return FittedData(
+        creep=None if creep is None else CreepFound(creep.rate, ends, creep.t0_s),
         kind=stepset.kind,  # type: ignore[arg-type]  # one of the three
         input_unit=stepset.input_unit,
         output_unit=stepset.output_unit,

@@ -94,8 +94,11 @@ class Results:
         return next((one.result for one in self.fits if one.result.data.kind == kind), None)
 
     def data_of(self, kind: str) -> StepSet | None:
-        """The first dataset of a kind that holds steps from rest, which is what figures of levels show."""
-        return next((one.result for one in self.data if one.result.kind == kind and one.result.levels), None)
+        """The first dataset of a kind that holds steps from rest, which is what figures of levels show, without the
+        creep that its fit is without."""
+        found = next((one.result for one in self.data if one.result.kind == kind and one.result.levels), None)
+        creep = None if (fit := self.fit(kind)) is None else fit.data.creep
+        return found if found is None or creep is None else found.without_creep(creep.rate, creep.t0_s)
 
     def replay(self, scenario: str) -> Replay | None:
         """The first replay of a scenario."""

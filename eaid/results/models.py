@@ -393,6 +393,16 @@ class StepShape(Result, frozen=True):
         return np.asarray(self.start + left + step_response(at, np.maximum(time_s - self.dead_time_s, 0.0)))
 
 
+class CreepFound(Result, frozen=True):
+    """A creep of the output beside its response, alike in all runs, which the fit is without."""
+
+    rate: Number = 0.0
+    """[output/s]"""
+    ci95: Interval = None
+    t0_s: Number = 0.0
+    """How long before a step it is 0: in the middle of the idle time [s]."""
+
+
 class FittedData(Result, frozen=True):
     """What was fitted."""
 
@@ -408,6 +418,7 @@ class FittedData(Result, frozen=True):
     apparatus: Apparatus | None = None
     """None: the sizes of the rig are not known."""
     sources: tuple[Source, ...] = ()
+    creep: CreepFound | None = None
     replayed: tuple[LogReplayed, ...] = ()
     """Of logs whose input was recorded and is held."""
     inputs: tuple[Input, ...] = ()

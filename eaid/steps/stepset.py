@@ -244,6 +244,19 @@ class StepSet(Shown):
         levels, releases = (tuple(one.ended(late_s) for one in part) for part in (self.levels, self.releases))
         return replace(self, runs=runs, levels=levels, releases=releases)
 
+    def without_creep(self, rate: float, t0_s: float) -> "StepSet":
+        """The set without a creep of its output beside the response, of so much a second, from so long before a step
+        on."""
+        ended_s = {level.level: float(level.time_s[-1]) for level in self.levels}  # where their releases begin
+
+        def off(one: Level, since_s: float) -> Level:
+            return replace(one, runs=one.runs - rate * (one.time_s + since_s))
+
+        levels = tuple(off(one, t0_s) for one in self.levels)
+        releases = tuple(off(one, t0_s + ended_s.get(one.level, 0.0)) for one in self.releases)
+        told = tuple(one for one in self.findings if one.code != "output-creeps")
+        return replace(self, levels=levels, releases=releases, findings=told)
+
     def without(self, levels: Sequence[float], why: Finding) -> "StepSet":
         """The set without some of its levels and their releases, with `why` as a warning."""
         parts = [[one for one in group if one.level not in levels] for group in (self.levels, self.releases)]

@@ -50,6 +50,7 @@ def test_what_is_there_is_found_and_no_more(C: float, creep: float) -> None:
     assert fit.verdict.usable and pytest.approx(C, abs=0.01) == fit.plant.C
     if creep:
         assert codes["creep-taken-off"]["low"] < creep < codes["creep-taken-off"]["high"]
+        assert fit.residuals.std() == pytest.approx(fit.rmse, rel=0.02)  # neither has the creep
     assert within(fit) >= 13
     assert not {"output-creeps", "share-free", "runs-reject-the-share"} & set(codes)
 
