@@ -21,12 +21,13 @@ quick: .venv/.test
 	$(BIN)/python -m pytest -n 2 -m "not slow"
 
 test-all: check .venv/.dev  ## and the slow ones: coverage of intervals, emulators, browsers, kills, hypothesis at length
+	$(BIN)/mypy
 	$(BIN)/python -m pytest -n 2
 
 check: .venv/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
+	$(BIN)/mypy eaid
 	$(BIN)/lint-imports
 
 bench: .venv/.bench  ## speed and quality against other tools, in one run

@@ -80,6 +80,14 @@ def loaded(plain: dict[str, Any]) -> Any:
         return eaid.load(path)
 
 
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Before several processes begin, one compiles what each of them would."""
+    if session.config.getoption("numprocesses", None) and not hasattr(session.config, "workerinput"):
+        t, u = np.arange(400) * 0.05, np.repeat([0.0, 1.0, 3.0, 0.0, 2.0], 80)
+        log = {"time_s": t, "input_V": u, "output_N": np.convolve(u, np.full(20, 0.05))[:400] + 0.01 * np.sin(99 * t)}
+        eaid.fit(eaid.read(log, logs_as="recorded"), ci="none")
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Tests of a room with data sets of its own go to one process, the others file by file."""
