@@ -178,7 +178,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         if "friction" in models or "nonlinear" in models:
             misfits, more = adequacy(scatter, stepset.input_unit)
             findings += more
-            if options.held_share is not None and options.ci != "none":
+            if options.held_share is not None:  # which values are right is no matter of intervals
                 share, more = share_of(near, data)
                 findings += more
         if "linear" in models:

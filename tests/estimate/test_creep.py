@@ -62,3 +62,9 @@ def test_what_does_not_idle_so_is_no_creep() -> None:
 def test_a_share_that_somebody_holds_is_held() -> None:
     fit = eaid.fit(logs(0.75, 0.0), share=0.8)
     assert fit.plant.C == 0.8 and "runs-reject-the-share" in {one.code for one in fit.findings}
+
+
+def test_values_do_not_go_with_the_intervals_that_are_asked_for() -> None:
+    for C, creep in ((0.75, 0.0), (0.85, 0.006)):
+        with_them, without = (eaid.fit(logs(C, creep), ci=ci).plant for ci in ("robust", "none"))
+        assert without == with_them
