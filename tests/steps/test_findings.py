@@ -410,9 +410,11 @@ def test_a_creep_that_each_rest_hides_is_told_by_all_and_noise_makes_no_flat_top
         torque = 0.04 * u * (1 - 0.85 * np.exp(-since / 0.3) - 0.15 * np.exp(-since / 4)) + creep * t
         torque += 0.04 * random.standard_normal(len(t))
         logs.append(pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 2.0, 0.0, u), "torque_nm": torque}))
-    fit = eaid.fit(logs, ci="none")
-    told = {one.code: one.values for one in fit.findings}
+    steps = eaid.read(logs)
+    fit = eaid.fit(steps, ci="none")
+    told = {one.code: one.values for one in steps.all_findings}
     assert ("output-creeps" in told) == bool(creep) and "flat-topped" not in told
+    assert ("creep-taken-off" in {one.code for one in fit.findings}) == bool(creep)
     if creep:
         assert told["output-creeps"]["slope"] == pytest.approx(creep, rel=0.2)
         assert not any("the runs ask for C" in one for one in fit.warnings)
