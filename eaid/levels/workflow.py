@@ -131,11 +131,12 @@ def _with_what_is_beside(
     output where the runs show them, and nobody has held C."""
     share, codes = None if result.uncertainty is None else result.uncertainty.share, {x.code for x in result.findings}
     decays = "output-decays-under-hold" in codes
-    of_paper = options.share == SHARE and options.estimator != "joint"  # which holds C, as does one that was given
-    if share is None or result.nonlinear is None or not of_paper or not (share.rejected or decays):
+    unheld = options.share == SHARE and options.estimator != "joint"  # that is the paper's own fit
+    asked = unheld and "rise-of-the-rig" not in codes and share is not None and (share.rejected or decays)
+    if share is None or result.nonlinear is None or not asked:
         return recorded, result
     free, creep = besides(behind, share, SHARE)
-    if "rise-of-the-rig" in codes or (creep is None and (decays or not free)):
+    if creep is None and (decays or not free):
         return recorded, result
     told = list[Finding]()
     if creep is not None:
