@@ -113,8 +113,9 @@ def _ended(
     for _ in range(ROUNDS):
         moved = without(data, rate, t0)
         near = Estimate(levels, fit_levels_first(moved, share, [x]))
-        x, (score, back) = near.solved.x, _about(near, moved, t0)
-        step, errors = float(back[-1] @ score), _errors(near, back, t0)
+        x, columns = near.solved.x, _columns(near, t0)
+        score, back = _about(near, moved, columns)
+        step, errors = float(back[-1] @ score), _errors(near, back, columns)
         if abs(step) <= SETTLED * errors[-1]:
             break
         rate -= step
@@ -142,20 +143,20 @@ def _columns(near: Estimate, t0: float) -> list[Array]:
     return found
 
 
-def _about(near: Estimate, data: Data, t0: float) -> tuple[Array, Array]:
+def _about(near: Estimate, data: Data, columns: Sequence[Array]) -> tuple[Array, Array]:
     """Σ w J'(f − ȳ) of all unknowns, the rate last, and the inverse of Σ w J'J where no constraint holds them."""
     score, curvature = 0.0, 0.0
     residuals = near.solved.residuals(data)
-    for J, r, w in zip(_columns(near, t0), residuals, near.solved.steps.weight, strict=True):
+    for J, r, w in zip(columns, residuals, near.solved.steps.weight, strict=True):
         score, curvature = score + w * (J.T @ r), curvature + w * (J.T @ J)
     held = np.pad(near.blocked, ((0, 0), (0, 1)))
     return np.asarray(score), free_inverse(np.asarray(curvature), held)
 
 
-def _errors(near: Estimate, back: Array, t0: float) -> Array:
+def _errors(near: Estimate, back: Array, columns: Sequence[Array]) -> Array:
     """Standard errors of all unknowns by how the runs of the levels scatter, (L + p + 1,)."""
     variance = np.zeros(len(back))
-    for level, J, w in zip(near.levels, _columns(near, t0), near.solved.steps.weight, strict=True):
+    for level, J, w in zip(near.levels, columns, near.solved.steps.weight, strict=True):
         if (runs := len(level.runs)) > 1:
             moved = (level.runs - level.mean) @ (w * J) @ back
             variance += (moved**2).sum(axis=0) / (runs * (runs - 1))

@@ -204,10 +204,8 @@ class Setup:
 def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True, dead_time_s: float = 0.0) -> Setup:
     """Logs and a model behind a dead time, with the copies on which its fit is looked for."""
     copies = tuple(Copies(log, dead_time_s) for log in logs)
-    longest, shortest = (
-        max(float(log.time_s[-1] - log.time_s[0]) for log in logs),
-        median([one.usual_s for one in logs]),
-    )
+    longest = max(float(log.time_s[-1] - log.time_s[0]) for log in logs)
+    shortest = median([log.usual_s for log in logs])
     holds = [np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in logs]
     hold = float(max(holds))
     small = tuple(one.small for one in copies)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from eaid.arrays import Array, inverse, median
+from eaid.arrays import Array, inverse, means_of, median
 from eaid.steps.noise import block_means, sample_noise
 from eaid.steps.plateaus import FEWEST_HELD
 
@@ -50,11 +50,9 @@ def onset(time_s: Array, output: Array) -> Onset | None:
     rise, start, stop, best = sign * (output - first) / change, 0, len(output), (0.0, 0.0)
     while True:
         width = max(1, (stop - start) // MEANS)
-        many = (stop - start) // width
-        y = rise[start : start + many * width].reshape(many, width).mean(axis=1)
-        t = time_s[start : start + many * width].reshape(many, width).mean(axis=1)
+        y, t = means_of(rise[start:stop], width), means_of(time_s[start:stop], width)
         high = np.flatnonzero(y >= PART)
-        last = max(int(high[0]) + 1 if len(high) else many, min(many, 8))
+        last = max(int(high[0]) + 1 if len(high) else len(y), min(len(y), 8))
         t, y = t[:last], y[:last]
         best, gain = _on_grid(t, y)
         at = int(np.searchsorted(time_s, best[0]))
@@ -101,7 +99,7 @@ def _refined(t: Array, y: Array, at: float, tau: float) -> tuple[float, float]:
         step = np.linalg.lstsq(J, left, rcond=None)[0]
         at, tau = at + step[0], tau * float(np.exp(np.clip(step[1], -0.5, 0.5)))
     square, at, left, J = min(ends, key=lambda end: end[0])
-    groups = left[: len(left) // GROUP * GROUP].reshape(-1, GROUP).mean(axis=1)
+    groups = means_of(left, GROUP)
     variance = max(square, GROUP**2 * float(groups @ groups)) / max(1, len(t) - 4)
     return at, float(np.sqrt(variance * inverse(J.T @ J)[0, 0]))
 
