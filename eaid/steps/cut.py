@@ -196,7 +196,8 @@ def cut_by_output(run: Run) -> list[Run]:
         from_start = begins is not None and level and run.time_s[begins.row] <= AT_ONCE * begins.high_s
         at = 0 if from_start else None
     if constant is not None and at is None and not rig:
-        raise DataError(f"{run.where}: the input stays at {constant:g} {run.input_unit}: no step; {NO_STEP}")
+        remedy = NO_STEP if constant else "nothing was switched on; give logs in which the input steps"
+        raise DataError(f"{run.where}: the input stays at {constant:g} {run.input_unit}: no step; {remedy}")
     switched = [(at_s, column) for column, at_s in run.moves if _switches(column)]
     span = float(run.time_s[-1] - run.time_s[0])
     switched = [one for one in switched if at is None or abs(one[0] - run.time_s[at]) <= NEAR_EDGE * span]

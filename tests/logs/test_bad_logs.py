@@ -94,7 +94,7 @@ BAD: dict[str, tuple[Any, ...]] = {
     "dead-sensor.csv": (column(2, lambda i, y: 0.25),
                         "the output never changes (0.25 N·m throughout); check the sensor"),
     "no-step.csv": (column(1, lambda i, u: 50), "the input stays at 50 %" + NO_STEP),
-    "never-on.csv": (column(1, lambda i, u: 0), "the input stays at 0 %" + NO_STEP),
+    "never-on.csv": (column(1, lambda i, u: 0), "the input stays at 0 %: no step; nothing was switched on; give logs in which the input steps"),
     "above.csv": (column(1, lambda i, u: 2.55 * u), "the input is 127.5 % at 0.5 s, above 100" + BEYOND),
     "below.csv": (column(1, lambda i, u: -u), "the input is -50 % at 0.5 s, below 0" + BEYOND),
     "short.csv": (csv(rows(59)), "9 samples in its window, at least 10 are needed; record it longer"),
