@@ -3,8 +3,8 @@
 The input of a row acts until the next row's time, each interval exactly, behind the plant's dead time (`respond`), from
 rest at first. A run that may begin loaded (a release, or a first input that is not zero) starts at the two states that
 fit its first held input best (`start_of`), not at its first, noisy sample. A log of the fit itself has the idle output
-and the start that were fitted. Of another, the recorded output is counted from its idle value: the run's own baseline,
-else the mean over its leading rows at rest, else the plant's.
+and the start that were fitted, and is without the creep that the fit is without. Of another, the recorded output is
+counted from its idle value: the run's own baseline, else the mean over its leading rows at rest, else the plant's.
 
     difference = recorded − model:   largest, RMS, mean (its sign kept)
     R2                               1 − Σ (recorded − model)² / Σ (recorded − mean recorded)²
@@ -71,6 +71,7 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
         level = shifted(level, own.late_rows)
     elif run.sha256 and any(one.sha256 == run.sha256 for one in fit.data.sources):  # a log of its steps
         level = shifted(level, round(fit.noted_late_s / median(level.dt_s)))
+        run = without_creep(run, fit)
     duty, stepwise = level.input, level.stepwise
     idle = idle_of(run, duty, own, plant)
     time_s, torque = read_only(run.time_s - run.time_s[0]), read_only(run.output - idle)
@@ -88,6 +89,14 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
         apart(torque, model, idle, start[0] + start[1] * plant_numbers(plant).z),
         role="recorded-input",
     )
+
+
+def without_creep(run: Run, fit: Fit) -> Run:
+    """A log of a fit's steps without the creep of its output that the fit is without; 0 amid its idle time."""
+    step_s = next((one.step_s for one in fit.data.sources if (one.sha256, one.run) == (run.sha256, run.name)), None)
+    if (creep := fit.data.creep) is None or step_s is None:
+        return run
+    return replace(run, output=read_only(run.output - creep.rate * (run.time_s - step_s + creep.t0_s)))
 
 
 def of_own_logs(fit: Fit, logs: Sequence[Run]) -> tuple[LogReplayed, ...]:

@@ -17,7 +17,7 @@ from eaid.logs.run import Run
 from eaid.options import Rig, SimulateOptions
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers
 from eaid.progress import Progress, no_progress
-from eaid.replay.compare import compared
+from eaid.replay.compare import compared, without_creep
 from eaid.replay.controllers import Controller, OwnGains, OwnLaw, controller_of, own_step
 from eaid.replay.loop import replay
 from eaid.replay.metrics import at_limit, measure
@@ -74,6 +74,8 @@ def simulate(
     outcome: Outcome
     if runs is not None:
         outcome = {run.name: compared(run, fit, model) for run in runs}, {}, []
+        if any(without_creep(run, fit) is not run for run in runs):
+            findings.append(finding("log-without-creep", "data"))
     elif what == "rehab":
         outcome = _rehabilitated(fit, plant, controllers, scales.top, rig, options, dt_s)
     else:

@@ -1,5 +1,7 @@
 """A C of the runs' own, and an output that creeps at one rate beside its response: told apart, and both found."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -39,18 +41,28 @@ def within(fit: eaid.Fit) -> int:
     return count
 
 
+def played(fit: eaid.Fit) -> list[float | None]:
+    return [one.fit_pct for one in fit.data.replayed]
+
+
 @pytest.mark.parametrize(
     ("C", "creep"), [(0.85, 0.006), (0.75, 0.0), pytest.param(0.78, -0.006, marks=pytest.mark.slow), (0.85, 0.0)]
 )
-def test_what_is_there_is_found_and_no_more(C: float, creep: float) -> None:
+def test_what_is_there_is_found_and_no_more(C: float, creep: float, tmp_path: Path) -> None:
     """A creep of 2 % of the highest output in a hold was taken for a C of 0.75, and τ2 was a half."""
-    fit = eaid.fit(logs(C, creep))
+    for k, log in enumerate(logs(C, creep), 10):
+        log.to_csv(tmp_path / f"{k}.csv", index=False)
+    fit = eaid.fit(tmp_path)
     codes = {one.code: one.values for one in fit.findings}
     assert ("share-by-evidence" in codes) == (C != 0.85) and ("creep-taken-off" in codes) == bool(creep)
     assert fit.verdict.usable and pytest.approx(C, abs=0.01) == fit.plant.C
     if creep:
         assert codes["creep-taken-off"]["low"] < creep < codes["creep-taken-off"]["high"]
         assert fit.residuals.std() == pytest.approx(fit.rmse, rel=0.02)  # neither has the creep
+        assert played(fit) == pytest.approx(played(eaid.fit(logs(C, 0.0))), abs=0.1)
+        again = eaid.simulate(fit, log=tmp_path)
+        assert [one.metrics.fit_pct for one in again.records.values()] == played(fit)
+        assert "log-without-creep" in {one.code for one in again.findings}
     assert within(fit) >= 13
     assert not {"output-creeps", "share-free", "runs-reject-the-share"} & set(codes)
 

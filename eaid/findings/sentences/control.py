@@ -144,6 +144,7 @@ ROWS: dict[str, Row] = {
     "dead-time-replayed": note(
         "the input acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another"
     ),
+    "log-without-creep": note("logs of the fit are compared without the creep of their output, as it was fitted"),
     "no-gains": note("no «gains», so rc and pi are left out; the controllers that need none are replayed"),
     "replay-leaves-identified": note(_leaves),
     # Walls
