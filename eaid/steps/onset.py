@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eaid.arrays import Array, inverse, means_of, median
+from eaid.plant.steps import decay, rise
 from eaid.steps.noise import block_means, sample_noise
 from eaid.steps.plateaus import FEWEST_HELD
 
@@ -47,10 +48,10 @@ def onset(time_s: Array, output: Array) -> Onset | None:
     if change <= CLEAR * sample_noise(output) / max(1.0, np.sqrt(len(output) / len(means)) / 2) or change == 0:
         return None
     sign = 1.0 if float((means - first)[away >= PART * change].mean()) > 0 else -1.0
-    rise, start, stop, best = sign * (output - first) / change, 0, len(output), (0.0, 0.0)
+    risen, start, stop, best = sign * (output - first) / change, 0, len(output), (0.0, 0.0)
     while True:
         width = max(1, (stop - start) // MEANS)
-        y, t = means_of(rise[start:stop], width), means_of(time_s[start:stop], width)
+        y, t = means_of(risen[start:stop], width), means_of(time_s[start:stop], width)
         high = np.flatnonzero(y >= PART)
         last = max(int(high[0]) + 1 if len(high) else len(y), min(len(y), 8))
         t, y = t[:last], y[:last]
@@ -65,7 +66,7 @@ def onset(time_s: Array, output: Array) -> Onset | None:
         return Onset(0, 0.0, high_s)
     at_s, error_s = _refined(t, y, *best)
     row = min(max(int(np.searchsorted(time_s, at_s - (time_s[at] - time_s[at - 1]) / 2)), 1), len(output) - 1)
-    off = np.abs(rise[: start + last * width] - median(rise[start:at]))
+    off = np.abs(risen[: start + last * width] - median(risen[start:at]))
     rests = np.flatnonzero(off <= max(4 * 1.4826 * median(off[start:at]), 0.01))
     early = int(rests[-1]) + 1
     if time_s[early] < at_s - ERRORS * error_s - (time_s[row] - time_s[row - 1]):
@@ -78,7 +79,7 @@ def _on_grid(t: Array, y: Array) -> tuple[tuple[float, float], float]:
     at = t[: max(2, len(t) - 3)]
     centred, best, start = y - y.mean(), (np.inf, 0.0, 1.0), np.inf
     for tau in TAUS * float(t[-1] - t[0]):
-        bases = -np.expm1(-np.maximum(t - at[:, None], 0.0) / tau)
+        bases = rise(np.maximum(t - at[:, None], 0.0), tau)
         bases -= bases.mean(axis=1, keepdims=True)
         sizes = np.maximum(np.vecdot(bases, bases), 1e-300)
         left = centred @ centred - np.maximum(bases @ centred, 0.0) ** 2 / sizes
@@ -92,7 +93,7 @@ def _refined(t: Array, y: Array, at: float, tau: float) -> tuple[float, float]:
     ones, ends = np.ones_like(t), []
     for _ in range(STEPS):
         since = np.maximum(t - at, 0.0)
-        g, slope = -np.expm1(-since / tau), (t > at) * np.exp(-since / tau) / tau
+        g, slope = rise(since, tau), (t > at) * decay(since, tau) / tau
         (c, A), *_ = np.linalg.lstsq(np.stack((ones, g), axis=1), y, rcond=None)
         left, J = y - c - A * g, np.stack((-A * slope, -A * slope * since, g, ones), axis=1)
         ends.append((float(left @ left), at, left, J))
