@@ -37,6 +37,7 @@ class RecordedLog:
     source: str = ""
     sha256: str = ""
     others: Callable[[], Beside] = tuple  # Reads the columns beside it that move
+    creep: float = 0.0  # Rate of a creep that was taken off the output, 0 at the first row [output/s]
 
     @cached_property
     def starts_idle(self) -> bool:
@@ -136,6 +137,11 @@ def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
         weight = float(len(level.runs))
         logs.append(RecordedLog(name, t, held, y, baseline=0.0, idle_start=True, weight=weight))
     return logs
+
+
+def without_creep(log: RecordedLog, rate: float) -> RecordedLog:
+    """The log without an output that creeps at a rate beside its response, 0 at the first row."""
+    return replace(log, output=log.output - rate * (log.time_s - log.time_s[0]), creep=log.creep + rate)
 
 
 def shifted(log: RecordedLog, rows: int) -> RecordedLog:

@@ -68,5 +68,5 @@ class Tables(NamedTuple):
 
 
 # Places of the numbers beside the coefficients: C (z of series and ringing), τ of falls to rest, factors on those of
-# falls, excess, θ, idle output, the two states at the first row
-AT_SHARE, AT_REST, AT_FALL, AT_EXCESS, AT_DEAD, AT_IDLE, AT_START = 0, 1, 3, 5, 6, 7, 8
+# falls, excess, θ, idle output, the two states at the first row, and what no plant has, the rate of a sensor's creep
+AT_SHARE, AT_REST, AT_FALL, AT_EXCESS, AT_DEAD, AT_IDLE, AT_START, AT_CREEP = 0, 1, 3, 5, 6, 7, 8, 10

@@ -11,13 +11,14 @@ from scipy.special import chdtri
 from eaid.arrays import Array, white_squares
 from eaid.errors import DataError
 from eaid.estimate import forms
-from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted
+from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted, without_creep
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE, share_is_told
 from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
+from eaid.recorded.creep import by_noise, creeping, with_rates
 from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import seen, tested, with_falls
 from eaid.recorded.from_logs import Setup, Solved, ended_near, fit_setup, idle_found, plant_found, setup_of
@@ -78,6 +79,7 @@ class Chosen:
     kinds: tuple[KindTried, ...]
     findings: list[Finding]
     late: tuple[Delay, ...]  # By which the input of each log was noted late
+    clutch: Solved | None = None  # The clutch's form, its falls as its rises
 
     @property
     def fell(self) -> tuple[str, ...]:
@@ -88,6 +90,25 @@ class Chosen:
 def plant_of_logs(
     logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
     of_steps_s: float, falls: bool, wanted: str = "",
+) -> Chosen:  # fmt: skip
+    """The plant of the logs, without a creep of their outputs where they show one; steps and loops are not asked."""
+    chosen = _chosen(logs, others, inputs, options, rests, of_steps_s, falls, wanted)
+    if others or not falls or answers(chosen.solved, chosen.logs):
+        return chosen
+    rates = creeping(chosen.solved, chosen.clutch, chosen.logs)
+    if not rates.any():
+        return chosen
+    plain = [without_creep(log, rate) for log, rate in zip(logs, rates.tolist(), strict=True)]
+    again = _chosen(plain, others, inputs, options, rests, of_steps_s, falls, wanted)
+    solved, without = with_rates(again.solved, again.logs)
+    if solved.cost >= chosen.solved.cost - by_noise(solved, len(logs)):
+        return chosen
+    return replace(again, solved=solved, logs=without)
+
+
+def _chosen(
+    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
+    of_steps_s: float, falls: bool, wanted: str,
 ) -> Chosen:  # fmt: skip
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
     as much with less, or more, or is `wanted`. Logs with steps beside them keep the clutch's."""
@@ -133,7 +154,8 @@ def plant_of_logs(
             best = replace(best, solved=solved)
             kinds = (kind_row(best, total, best.score), *kinds[1:])
     told = [*_told(best, kinds, logs), *(more for one, log in zip(late, noted, strict=True) for more in one.told(log))]
-    return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], late)
+    of_clutch = None if clutch is None else clutch.clutch
+    return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], late, of_clutch)
 
 
 def beside_the_clutch(
@@ -190,7 +212,7 @@ def as_pair(solved: Solved) -> Solved | None:
     coefficients = np.r_[x[model.slices[0]], np.ravel([rows @ tau for tau in p.time_constants(lags.inputs)]), p.C]
     begin = [coefficients, x[model.size : setup.shared]]
     for log, place in enumerate(setup.places):
-        begin.append(np.append(x[place.own[0]], start_states(solved, log))[place.own >= 0])
+        begin.append(np.r_[x[place.own[0]], start_states(solved, log), x[place.own[3]]][place.own >= 0])
     return ended_near(pair, np.concatenate(begin))
 
 
@@ -356,11 +378,11 @@ def _of_the_clutch(
         base, ends = found
         low, high = base.x[base.setup.model.size - 1] + np.array([-ends, ends])
         findings.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=(low + high) / 2, low=low, high=high))
-    of_falls: tuple[FallTest, ...] = ()
+    plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
         base, of_falls, more = tested(base, inputs.stepwise, free)
         findings += more
-    return Chosen(base, behind.logs, of_falls, (), findings, behind.late)
+    return Chosen(base, behind.logs, of_falls, (), findings, behind.late, plain)
 
 
 def answers(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
@@ -461,7 +483,7 @@ def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | No
 
 def start_states(solved: Solved, log: int) -> tuple[float, float]:
     """The states at the first row of a log, in the coordinates of the plant that the fit gives."""
-    one, two = (float(solved.x[at]) if at >= 0 else 0.0 for at in solved.setup.places[log].own[1:])
+    one, two = (float(solved.x[at]) if at >= 0 else 0.0 for at in solved.setup.places[log].own[1:3])
     model, p = solved.setup.model, plant_found(solved)
     if model.kind != "swing" or p.zeta is not None:
         return one, two

@@ -41,6 +41,7 @@ from eaid.recorded.choice import (
     switched_on,
 )
 from eaid.recorded.closed_loop import judged_loops, with_instrument
+from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
 from eaid.recorded.fall_tests import with_falls
 from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
@@ -73,8 +74,8 @@ DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
 
 
-def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
-    """The result of one log of a fit."""
+def log_part(solved: Solved, k: int, log: RecordedLog, creep: float) -> LogFit:
+    """The result of one log of a fit, from whose output a creep was taken off."""
     drive = solved.setup.drives[k]
     counted = drive.w > 0
     missed, y = solved.missed[k], solved.outputs[k]
@@ -93,6 +94,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog) -> LogFit:
         input_kind="stepwise" if log.stepwise else "moving",
         idle=idle_found(solved, k) + (log.baseline or 0.0),
         start=start_states(solved, k),
+        creep=creep,
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
@@ -405,6 +407,7 @@ def fit_recorded(
     findings += [] if uncertainty is None else uncertainty.scatter.findings
     findings += [] if known is None else known.findings
     data = data_of_logs([*logs, *others], runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
+    findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)
     linear = linear_beside(base, chosen, inputs, options, repeats) if "linear" in wanted else None
     friction = friction_beside(base, inputs, options, known, "nonlinear" in wanted) if "friction" in wanted else None
     shown = "nonlinear" in wanted and base.setup.model.kind in ("parallel", "lag") and not base.setup.model.signed
@@ -438,10 +441,11 @@ def judged_on_logs(
         findings += worse_unseen(unseen.fit_pct, unseen.held_pct, unseen.of)
     findings += drift_findings(base, chosen.logs)
     findings += [*left_over_findings(base, chosen.logs), *column_findings(base, chosen.logs)]
-    rows = zip(logs, chosen.late, strict=True)
+    rows = zip(logs, chosen.logs, chosen.late, strict=True)
     return Recorded(
         logs=tuple(
-            msgspec.structs.replace(log_part(base, k, log), late_rows=late.rows) for k, (log, late) in enumerate(rows)
+            msgspec.structs.replace(log_part(base, k, log, without.creep), late_rows=late.rows)
+            for k, (log, without, late) in enumerate(rows)
         ),
         steps=len(others),
         falls=chosen.falls,

@@ -34,7 +34,7 @@ from eaid.estimate.solver import (
 from eaid.estimate.starts import MOST_STARTS, SHARES, time_constants
 from eaid.levels.from_steps import CHI2_APART
 from eaid.plant.derivatives import at_first, derivatives, swinging
-from eaid.plant.drive import AT_IDLE, Drive, Tables, beginning, delayed
+from eaid.plant.drive import AT_CREEP, AT_IDLE, Drive, Tables, beginning, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
 from eaid.plant.forms import Form, LegendreForm
 from eaid.plant.sums import linear_sums
@@ -62,14 +62,14 @@ EXTRA_LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
 class UnknownsOfLog:
     """Where the unknowns of a log lie, beside the coefficients of T_s, τ1 and τ2."""
 
-    # In x: C, the extras, idle output, x1 and x2 at its first row; −1 where one is no unknown, (10,)
+    # In x: C, the extras, idle output, x1 and x2 at its first row, rate of a creep; −1 where one is no unknown, (11,)
     x: NDArray[np.intp]
     columns: NDArray[np.intp]  # Places in x of all unknowns that it knows, in the kernel's order
     kernel: NDArray[np.intp]  # As `x`, among these columns
 
     @property
     def own(self) -> NDArray[np.intp]:
-        """Idle output and start states in x, (3,)."""
+        """Idle output, start states, and the rate of a creep in x, (4,)."""
         return self.x[AT_IDLE:]
 
 
@@ -86,6 +86,7 @@ class Setup:
     shortest_s: float = 0.0  # Usual time between two rows [s]
     longest_hold_s: float = 0.0  # Longest time for which an input is held, or a moving one is recorded [s]
     dead_time_s: float = 0.0  # θ where it is no unknown [s]
+    creeping: int = 0  # So many logs, the first ones, have an output that creeps beside its response
 
     @cached_property
     def limits(self) -> Constraints:
@@ -101,6 +102,14 @@ class Setup:
     def every(self) -> "Setup":
         """The same on every sample."""
         return replace(self, drives=tuple(one.every for one in self.copies)) if self.copies else self
+
+    @cached_property
+    def since(self) -> tuple[Array, ...]:
+        """√w times the time since the first row of a log, of its rows that count, (N,)."""
+        rows = ((drive, drive.w > 0) for drive in self.drives)
+        return tuple(
+            (np.sqrt(drive.w) * np.append(0.0, np.cumsum(drive.dt_s[:-1])))[counted] for drive, counted in rows
+        )
 
     @cached_property
     def maps(self) -> tuple[Rows, ...]:
@@ -120,9 +129,10 @@ class Setup:
             at = self.at(name)
             shared += [at + k if at >= 0 else -1 for k in range(len(none))]
         found, before = [], self.shared
-        for drive in self.drives:
-            loaded = not drive.starts_idle
-            free = np.array([self.idle_free and not drive.idle_known, loaded, loaded and self.model.tau2 is not None])
+        for k, drive in enumerate(self.drives):
+            loaded, creeps = not drive.starts_idle, k < self.creeping
+            of_two = loaded and self.model.tau2 is not None
+            free = np.array([self.idle_free and not drive.idle_known, loaded, of_two, creeps])
             order = np.cumsum(free) - 1
             own, local = (np.where(free, first + order, -1) for first in (before, self.shared))
             columns = np.concatenate([np.arange(self.shared), own[free]])
@@ -144,7 +154,7 @@ class Setup:
 
     def tables(self, x: Array, log: int) -> tuple[Tables, Array]:
         """T_s, τ1, τ2 of a log's inputs, and the numbers beside them."""
-        at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NO_EXTRAS.values()), 0.0, 0.0, 0.0)
+        at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NO_EXTRAS.values()), *np.zeros(4))
         return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
 
     def dead_time(self, x: Array) -> float:
@@ -156,14 +166,22 @@ class Setup:
         """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1), some rows at a
         time; where it is not `of_unknowns`, the residuals alone, (N, 1)."""
         place, drive = self.places[log], delayed(self.drives[log], self.dead_time(x))
-        (tables, scalars), kernel, count = self.tables(x, log), place.kernel, len(place.columns)
+        (tables, scalars), kernel, count = self.tables(x, log), place.kernel[:AT_CREEP], len(place.columns)
         if not of_unknowns:
             none = np.zeros((len(drive.duty), 0))
             tables, kernel, count = tables._replace(by_steady=none, by_tau1=none, by_tau2=none), np.full(10, -1), 0
-        law, state = swinging if self.model.kind == "swing" else derivatives, at_first(scalars, kernel, count)
+        law = swinging if self.model.kind == "swing" else derivatives
+        state, at = at_first(scalars[:AT_CREEP], kernel, count), 0
         for first in range(0, len(drive.w), rows):
             end = min(first + rows, len(drive.w))
-            yield np.asarray(law(drive, tables, scalars, kernel, state, first, end))
+            found = np.asarray(law(drive, tables, scalars, kernel, state, first, end))
+            if (creep := place.kernel[AT_CREEP]) >= 0:
+                crept = self.since[log][at : at + len(found)]
+                found[:, -1] += scalars[AT_CREEP] * crept
+                if of_unknowns:
+                    found[:, creep] = crept
+            at += len(found)
+            yield found
 
     def residuals(self, x: Array, log: int) -> Array:
         """√w (f − y) of the samples of a log that count, (N,)."""
@@ -216,17 +234,18 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
     """Costs (K,) of some x, (K, n), and places (K, n) with what enters linearly solved for."""
     model, x = setup.model, np.array(shapes)
     a, one, two = model.slices[0].stop, *model.slices[1:]
-    own = np.concatenate([place.own[place.own >= 0] for place in setup.places]).astype(np.intp)
+    owns = [place.own[:3] for place in setup.places]  # a creep is no part of a start
+    own = np.concatenate([one[one >= 0] for one in owns]).astype(np.intp)
     free = np.concatenate([np.arange(a), own]).astype(np.intp)
     share = x[:, model.size - 1] if model.share is None else np.full(len(x), model.share)
     size = len(free)
     sums = np.zeros((len(x), size + 1, size + 1))
-    for every, rows, place in zip(setup.drives, setup.maps, setup.places, strict=True):
+    for every, rows, its in zip(setup.drives, setup.maps, owns, strict=True):
         drive = delayed(every, setup.dead_time_s)
         tau1 = np.maximum(x[:, one] @ rows.tau1.T, LEAST_TAU_S)
         tau2 = np.maximum(x[:, two] @ rows.tau2.T, LEAST_TAU_S) if model.tau2 else np.ones_like(tau1)
         found = linear_sums(drive, rows.steady, tau1, tau2, share)
-        known = np.concatenate([np.arange(a), np.where(place.own >= 0, np.searchsorted(free, place.own), -1), [size]])
+        known = np.concatenate([np.arange(a), np.where(its >= 0, np.searchsorted(free, its), -1), [size]])
         at = np.flatnonzero(known >= 0)
         sums[:, known[at][:, None], known[at]] += found[:, at[:, None], at]
     scale = np.sqrt(np.maximum(np.diagonal(sums, axis1=1, axis2=2)[:, :size], 1e-300))

@@ -16,6 +16,7 @@ from eaid.arrays import Array
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import approach
 from eaid.levels.unseen import worse_unseen
+from eaid.plant.drive import AT_IDLE
 from eaid.recorded.from_logs import Setup, Solved, setup_of
 from eaid.results.recorded import LogsHeldOut
 
@@ -99,7 +100,7 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
     every = _like(fitted, whole).every
     missed = []
     for k, drive in enumerate(every.drives):
-        its = every.places[k].kernel[-3:]
+        its = every.places[k].kernel[AT_IDLE:]
         its = its[its >= 0]
         if k in kept or not len(its):
             r = every.residuals(x, k)
@@ -113,6 +114,5 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
 def _like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:
     """The setup of other logs for the same model."""
     setup = setup_of(fitted.model, logs, fitted.idle_free, fitted.dead_time_s)
-    return replace(
-        setup, extras=fitted.extras, drives=setup.drives if setup.model.kind != "swing" else setup.every.drives
-    )
+    drives = setup.drives if setup.model.kind != "swing" else setup.every.drives
+    return replace(setup, extras=fitted.extras, drives=drives, creeping=min(fitted.creeping, len(logs)))

@@ -69,6 +69,7 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     own = next((log for log in fit.logs if log.sha256 == run.sha256 and log.sha256 and log.name == run.name), None)
     if own is not None:
         level = shifted(level, own.late_rows)
+        run = replace(run, output=run.output - own.creep * (run.time_s - run.time_s[0]))
     elif run.sha256 and any(one.sha256 == run.sha256 for one in fit.data.sources):  # a log of its steps
         level = shifted(level, round(fit.noted_late_s / median(level.dt_s)))
         run = without_creep(run, fit)

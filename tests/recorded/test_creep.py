@@ -1,0 +1,47 @@
+"""An output that creeps beside its response, in a log of any input."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import lfilter
+
+import eaid
+from eaid.plant.dynamics import Plant
+from eaid.plant.respond import respond
+
+LEVELS = (20.0, 60.0, 100.0)
+TRUE = Plant((0.3,), (4.0,), (0.0, 0.02, 2e-4), (20.0, 100.0))
+
+
+def staircase(creep: float, seed: int = 1) -> pd.DataFrame:
+    """160 s up and down, to rest and up again; noise of 0.02 N·m, a creep in N·m/s."""
+    t = np.arange(0.0, 160.0, 0.04)
+    duty = np.repeat([0.0, *LEVELS, 60.0, 20.0, 0.0, 100.0], 500)
+    torque = respond(TRUE, t, duty, t) + creep * t + 0.02 * np.random.default_rng(seed).normal(size=len(t))
+    return pd.DataFrame({"time_s": t, "duty_pct": duty, "torque_nm": torque})
+
+
+@pytest.mark.parametrize("creep", [0.0, 0.0004, -0.0008])
+def test_a_creep_is_found_and_no_plant_imitates_it(creep, tmp_path):
+    """One of 1 % of the highest output in 160 s made τ2 half as long again, and a hysteresis."""
+    path = tmp_path / "log.csv"
+    staircase(creep).to_csv(path, index=False)
+    fit = eaid.fit(path)
+    told = {one.code: one.values for one in fit.findings if one.severity != "note"}
+    assert set(told) == ({"creep-taken-off"} if creep else set())
+    if creep:
+        assert told["creep-taken-off"]["low"] < creep < told["creep-taken-off"]["high"]
+        assert fit.logs[0].creep == pytest.approx(creep, rel=0.1)
+    for level in LEVELS:
+        assert fit.at(level).loc["Ts", "value"] == pytest.approx(TRUE.steady(level), rel=0.005)
+        assert fit.at(level).loc["tau2", "value"] == pytest.approx(4.0, rel=0.1)
+    again = eaid.simulate(fit, log=path).records["log"]
+    assert again.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_slow_noise_is_no_creep(seed):
+    """Of a memory of 2 s, 1 % of the highest output."""
+    log = staircase(0.0)
+    log["torque_nm"] += lfilter([0.04 * 0.2], [1, -0.98], np.random.default_rng(seed).normal(size=len(log)))
+    assert "creep-taken-off" not in {one.code for one in eaid.fit(log).findings}
