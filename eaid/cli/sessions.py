@@ -31,5 +31,6 @@ def command(
     rig.save(output, args.force)
     shown = [*rig.lines(), next_table(rig), *([scatter_table(rig)] if args.verbose else ())]
     tell_result(args, rig, shown, [*warnings, *rig.findings])
-    after = f"record a step at {rig.main.best_level:.4g} {rig.input_unit}, then eaid today {output} STEP"
-    console.done(output, counted(len(rig.sessions), "session"), ("report", output) if values else after)
+    after = f"record a step at {rig.best_step}, then eaid today {output} STEP"
+    steps_tell = not values and not rig.confounded
+    console.done(output, counted(len(rig.sessions), "session"), after if steps_tell else ("report", output))

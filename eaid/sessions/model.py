@@ -9,7 +9,8 @@ g and h belong to the session, d to the session at that level. X is 1, x, x², o
 straight in x. Variances by REML and the next value with its interval: `eaid.estimate.mixed`. Its degrees of freedom,
 which Satterthwaite's formula overrates where S sessions are few, are S − 1 at most where nothing is known of a session,
 and (S − 1)²/2.2 for each level of its reference steps where that is more; so the intervals hold
-(`benchmarks/sessions.py`).
+(`benchmarks/sessions.py`). Where levels and sessions are confounded, a step tells of no level that shares no session
+with its own.
 """
 
 from collections.abc import Iterable
@@ -18,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 from scipy.special import stdtr, stdtrit
 
 from eaid.arrays import Array
@@ -120,6 +122,17 @@ class Model:
         return len(np.unique(self.known.session))
 
     @cached_property
+    def parts(self) -> NDArray[np.intp]:
+        """Which part each of the levels is of: levels of several parts share no session, be it by way of others."""
+        of = self.known
+        held = (self.knots[:, None] == of.level) @ (of.session[:, None] == np.unique(of.session)).astype(np.intp)
+        return np.asarray(connected_components(held @ held.T, directed=False)[1])
+
+    def part_at(self, level: Array) -> NDArray[np.intp]:
+        """The part of some levels: that of the nearest."""
+        return np.asarray(self.parts[np.abs(np.log(level)[:, None] - np.log(self.knots)).argmin(axis=1)])
+
+    @cached_property
     def free(self) -> NDArray[np.intp]:
         """Which components the sessions can show: gain; with several levels in a session tilt and level too."""
         several = len(np.unique(self.known.session + 1j * self.known.level)) > self.count
@@ -133,9 +146,10 @@ class Model:
 
     def common(self, one: Known, other: Known) -> Array:
         """What two sets of values have in common, by component, (k, n, m)."""
-        x, z = np.log(one.level / self.reference)[:, None], np.log(other.level / self.reference)
-        parts = np.stack([np.ones((len(x), len(z))), x * z, one.level[:, None] == other.level])
-        return np.asarray((one.session[:, None] == other.session) * parts[self.free])
+        x, z = np.log(one.level / self.reference), np.log(other.level / self.reference)
+        same = (one.session[:, None] == other.session) * 1.0
+        parts = (same, same * np.outer(x, z), same * (one.level[:, None] == other.level))
+        return np.stack([parts[k] for k in self.free])
 
     @cached_property
     def line(self) -> MixedLine:
@@ -176,11 +190,13 @@ class Model:
 
     def _given(self, both: Further, level: Array, steps: Known) -> Next:
         """The same at the first of them, the others being the levels of its reference steps."""
-        n = len(level)
+        n, part = len(level), self.part_at(np.append(level, steps.level))
         V = both.covariance + np.diag(np.append(0 * level, steps.W))
-        c = np.linalg.solve(V[n:, n:], V[n:, :n]).T
+        told = part[:, None] == part[n:]
+        c = np.linalg.solve(V[n:, n:] * told[n:], (V[:n, n:] * told[:n]).T).T
         turn = np.hstack([np.eye(n), -c])
-        few = (self.count - 1.0) ** 2 / 2.2 * len(np.unique(steps.level))
+        once = np.unique(steps.level, return_index=True)[1]
+        few = (self.count - 1.0) ** 2 / 2.2 * told[:n, once].sum(axis=1)
         dof = np.clip(replace(both, covariance=V).degrees(turn), 1.0, np.clip(few, self.count - 1.0, MANY))
         return Next(level, both.mean[:n] + c @ (steps.y - both.mean[n:]), turn @ V @ turn.T, dof)
 

@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 from scipy.special import stdtrit
 
 from eaid.arrays import Array
@@ -162,24 +161,46 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
 
         return eaid.today(self, step)
 
+    @property
+    def confounded(self) -> bool:
+        """Whether levels and sessions cannot be told apart, so that a reference step tells of some levels only."""
+        return any(one.code == "levels-and-sessions-confounded" for one in self.findings)
+
+    @property
+    def best_step(self) -> str:
+        """The level of the reference step that is worth most, with its unit."""
+        return f"{self.main.best_level:.4g} {self.input_unit}".rstrip()
+
+    @property
+    def advice(self) -> str:
+        """What to record next."""
+        if self.confounded:
+            return "in each session a level of the others too, so that a reference step tells of all levels"
+        return f"in each new session first a reference step at {self.best_step}, which is worth most"
+
     def lines(self) -> list[str]:
         """What is known of the next session, and what to record."""
         one, n = self.main, len(self.sessions)
-        at = f"{one.best_level:.4g} {self.input_unit}".rstrip()
         narrower = math.sqrt((1 + 1 / (n + 1)) / (1 + 1 / n)) * float(stdtrit(n, 0.975) / stdtrit(n - 1, 0.975))
-        responses = {name: each for name, each in self.quantities.items() if name in RESPONSES}
-        also = [f"{key} ×/÷ {of.factor:.2f}, after one step ×/÷ {of.with_step:.2f}" for key, of in responses.items()]
         why = "sessions, not repeats: " * (one.more_repeats > 0.95 * one.factor)
+        more = (
+            f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
+            f"×/÷ {one.factor**narrower:.2f}"
+        )
+        also = [f"{key} {self._reach(of, 'one step')}" for key, of in self.quantities.items() if key in RESPONSES]
         return [
-            f"rig     {counted(n, 'session')}: the next one's {self.symbol} within ×/÷ {one.factor:.2f}; after one "
-            f"reference step ({at}) ×/÷ {one.with_step:.2f}, at the worst level",
+            f"rig     {counted(n, 'session')}: the next one's {self.symbol} within "
+            f"{self._reach(one, f'one reference step ({self.best_step})')}, at the worst level",
             *([f"also    {'; '.join(also)}"] if also else []),
             f"scatter gain {one.sd.gain:.3g}, tilt {one.sd.tilt:.3g}, session × level {one.sd.level:.3g} (sd of ln "
             f"{self.symbol}); one run {one.sd_step:.3g}",
-            f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
-            f"×/÷ {one.factor**narrower:.2f}",
-            f"advice  in each new session first a reference step at {at}, which is worth most",
+            *([] if self.confounded else [more]),
+            f"advice  {self.advice}",
         ]
+
+    def _reach(self, one: Quantity, step: str) -> str:
+        after = "" if self.confounded else f"; after {step} ×/÷ {one.with_step:.2f}"
+        return f"×/÷ {one.factor:.2f}{after}"
 
     def summary(self) -> str:
         """The next session's reach, the scatter, the advice, and the gravest findings."""
@@ -272,7 +293,7 @@ def _judged(rig: Rig) -> Rig:
 
 
 def _told(rig: Rig, one: Quantity, model: Model) -> Iterator[Finding]:
-    of, unit, tell = model.known, rig.input_unit, partial(finding, subject="sessions")
+    unit, tell = rig.input_unit, partial(finding, subject="sessions")
     name = next(iter(rig.quantities))
     if model.count < FEW_SESSIONS:
         yield tell("few-sessions", sessions=model.count)
@@ -288,10 +309,8 @@ def _told(rig: Rig, one: Quantity, model: Model) -> Iterator[Finding]:
     slope, p = model.trend()
     if p < TREND_CHANCE:
         yield tell("trend-over-sessions", parameter=name, pct=100 * math.expm1(slope), p=p)
-    beside = (of.session[:, None] == of.session) | (of.level[:, None] == of.level)
-    parts, label = connected_components(beside, directed=False)
-    if parts > 1:
-        apart = min((np.unique(of.level[label == k]) for k in range(parts)), key=len)
+    if model.parts.any():
+        apart = model.knots[model.parts == np.bincount(model.parts).argmin()]
         yield tell("levels-and-sessions-confounded", levels=apart, unit=unit)
 
 

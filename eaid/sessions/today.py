@@ -105,7 +105,8 @@ def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
     """How sure today is, a step beyond what was foreseen, what is taken from the base, a level beyond the sessions'."""
     one, model, after = rig.main, rig.main.model(rig.names), float(np.exp(foreseen["Ts"].reach.max()))
     found = [
-        finding("for-today", "sessions", sessions=model.count, steps=len(steps.y), factor=after, without=one.factor)
+        finding("for-today", "sessions", sessions=model.count, steps=len(steps.y), factor=after, without=one.factor),
+        *(each for each in rig.findings if each.code == "levels-and-sessions-confounded"),
     ]
     for level, y, W in zip(steps.level.tolist(), steps.y, steps.W, strict=True):
         if not model.knots[0] <= level <= model.knots[-1]:

@@ -16,6 +16,27 @@ from eaid.report.paper import figure_of, look
 from eaid.report.results import gathered
 from eaid.sessions import follow
 
+CLUTCH = sorted(Path(__file__).parents[3].glob("*/realdata/ea-clutch"))  # Of Rauf and Follmer, not in this repository
+SIMULATED, OF_A_CLUTCH = (
+    (Path(__file__).parents[2] / "docs/sessions.md").read_text(encoding="utf-8").split("## Logs of several days")
+)
+
+
+def blocks(page):
+    """The command lines of a page, with what they print."""
+    return re.findall(r"^```\n\$ eaid (.*?)^```", page, re.MULTILINE | re.DOTALL)
+
+
+def shows(run_eaid, block):
+    """Run a command that stands in the docs: it prints what is shown, … for any rest, blanks count once."""
+    line, *shown = block.splitlines()
+    ran = run_eaid(*shlex.split(line), "--force")
+    printed = [" ".join(one.split()) for one in ran.out.splitlines()]
+    for one in filter(None, shown):
+        wanted = re.compile(re.escape(" ".join(one.split())).replace("…", ".*"))
+        assert any(wanted.fullmatch(row) for row in printed), (one, printed)
+    return ran
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, fits, make):
@@ -48,19 +69,37 @@ def test_five_questions_are_answered_from_the_terminal(folder, run_eaid):
 
 
 def test_the_docs_show_what_is_printed(folder, run_eaid, fits):
-    """docs/sessions.md: six sessions by the days of their fits; … for any rest, blanks count once."""
+    """docs/sessions.md: six sessions by the days of their fits."""
     for day, (name, fit) in zip(("mon", "tue", "wed", "thu", "fri", "sat"), fits.items(), strict=True):
         (folder / f"{day}.json").write_bytes((folder / f"{name}.json").read_bytes())
         if day == "fri":
             eaid.tune_rc(fit).save(folder / "gains-fri.json")
-    page = (Path(__file__).parents[2] / "docs/sessions.md").read_text(encoding="utf-8")
-    for block in re.findall(r"^```\n\$ eaid (.*?)^```", page, re.MULTILINE | re.DOTALL):
-        line, *shown = block.replace("gains.json", "gains-fri.json").replace("step_40", "s90_40_0").splitlines()
-        ran = run_eaid(*shlex.split(line), "--force")
-        printed = [" ".join(one.split()) for one in ran.out.splitlines()]
-        for one in filter(None, shown):
-            wanted = re.compile(re.escape(" ".join(one.split())).replace("…", ".*"))
-            assert any(wanted.fullmatch(row) for row in printed), (one, printed)
+    for block in blocks(SIMULATED):
+        shows(run_eaid, block.replace("gains.json", "gains-fri.json").replace("step_40", "s90_40_0"))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not CLUTCH, reason="no folder with the logs of the real clutch lies beside the repository")
+def test_levels_of_a_real_clutch_from_three_sittings_are_told_apart_and_no_reference_step_is_promised(
+    run_eaid, tmp_path, monkeypatch
+):
+    """docs/sessions.md, by the commands that `fit` offers for its parts."""
+    monkeypatch.chdir(tmp_path)
+    Path("logs").symlink_to(CLUTCH[0])
+    reading = ("--columns", 'time=Time,output="Load Cell"', "--units", "time=us,input=V,output=N", "--repair",
+               "--name-pattern", "_V={level}_", "--step-at", "2", "--until", "5")  # fmt: skip
+    told = run_eaid("fit", "logs", *reading, "--ci", "none", "-o", "all.json", "-v")
+    commands = re.findall(r"eaid (fit logs/.*?json)", told.err.replace(" --ci none", ""))
+    assert len(commands) == 3
+    for command in commands:
+        run_eaid(*(one for word in shlex.split(command) for one in sorted(glob(word)) or [word]))
+    t_s = {row.level: row.Ts for k in (1, 2) for row in eaid.load(f"{k}.json").level_values}
+    assert t_s[250.0] == pytest.approx(t_s[225.0], rel=0.01)  # what the days hide
+    (block,) = blocks(OF_A_CLUTCH)
+    ran = shows(run_eaid, block)
+    assert "levels and sessions are confounded" in ran.err and "one step" not in ran.out
+    refused = run_eaid("compare", "1.json", "2.json")
+    assert refused.code == 3 and "shares no level with 1.json" in refused.err
 
 
 def test_a_page_begins_with_the_verdict_and_shows_the_sessions(folder, run_eaid):

@@ -192,12 +192,16 @@ def test_wear_is_found_over_the_order_of_the_sessions():
     assert "trend-over-sessions" not in codes(eaid.sessions(many(shuffled)))
 
 
-def test_levels_each_of_a_day_of_their_own_are_said(table):
+def test_levels_each_of_a_day_of_their_own_are_said_and_a_step_tells_nothing_of_another_days(table):
     day = table["session"].str[-1].astype(int)
     alone = table[(day % 3) == table["level"].map({150: 0, 200: 1, 300: 2})]
-    found = eaid.sessions(alone, terms=2)
+    found, step = eaid.sessions(alone, terms=2), pd.DataFrame({"level": [200.0], "value": [0.3]})
     assert "levels-and-sessions-confounded" in codes(found)
     assert "levels-and-sessions-confounded" not in codes(eaid.sessions(table))
+    assert not any("after one" in line or "worth most" in line for line in found.lines())
+    before, after = found.next(), found.next(steps=step)
+    pd.testing.assert_frame_equal(before.drop(200.0), after.drop(200.0))
+    assert after["high"][200.0] < before["high"][200.0]
 
 
 def test_the_control_chart_holds_every_session_and_the_next(table):

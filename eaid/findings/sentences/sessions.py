@@ -58,8 +58,9 @@ ROWS: dict[str, Row] = {
         "next session's interval does not carry on"
     ),
     "levels-and-sessions-confounded": caution(
-        "levels and sessions are confounded: the sessions at {levels} {unit} share no level with the others, so what "
-        "differs between levels may be the sessions; record a level of the others in each"
+        "levels and sessions are confounded: the sessions {at} share no level with the others, so what differs between "
+        "levels may be the sessions, and a reference step tells nothing of levels that share no session with its own; "
+        "record a level of the others in each session"
     ),
     "several-sessions": caution(_one_of_several, always=True, rank=1, first="fit each session by itself"),
     "for-this-mounting": note(

@@ -88,8 +88,8 @@ FIGURES: tuple[Row, ...] = (
         (_replay("sweep"),), replays.sweep),
     Row("log_replay", "Recorded input through the model", FREE_RUN, (_replay("log"),), replays.recorded_input),
     Row("sessions_chart", "Sessions of the rig",
-        "Left: each session's gain over the common one; shaded: where the next one lies in 19 of 20 cases.", (_all,),
-        sessions.chart, of_the_fit=False),
+        "Left: each session's gain over the common one; shaded: where the next one lies at the middle level in 19 of "
+        "20 cases (at other levels it may reach further).", (_all,), sessions.chart, of_the_fit=False),
     Row("sessions_compared", "Sessions compared",
         "T_s of the sessions on top of each other, and by what factor A lies above the others, with 95 % intervals.",
         (_all,), sessions.compared, of_the_fit=False),

@@ -16,17 +16,18 @@ FACTORS = (1.01, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, 100.0)
 
 
 def control_panel(rig: Rig) -> Panel:
-    """Each session's gain over the common one, with what the next one's may be."""
+    """Each session's gain over the common one, with what the next one's may be at the middle level."""
     model, names = rig.main.model(rig.names), rig.names
     sessions, gain, error = model.gains()
     at, end = sessions + 1, len(names) + 1.0
-    reach = float(np.exp(model.next(model.knots[[len(model.knots) // 2]]).reach[0]))
+    middle = rig.main.next[len(model.knots) // 2]
+    reach, level = middle.factor, f"{middle.level:.4g} {rig.input_unit}".rstrip()
     ends = np.exp(gain - 1.96 * error), np.exp(gain + 1.96 * error)
     x = np.array([0.5, end + 0.5])
     lines = [
         Line(x, [1.0, 1.0], "", ink.GREY, width=0.8),
         Line(at, np.exp(gain), "session, 95 %", ink.BLUE, "", marker="o", ends=ends, size=4.5),
-        Line([end], [1.0], "next, 95 %", ink.VERMILLION, "", marker="D", size=4.5,
+        Line([end], [1.0], f"next at {level}, 95 %", ink.VERMILLION, "", marker="D", size=4.5,
              ends=(np.array([1 / reach]), np.array([reach]))),
     ]  # fmt: skip
     shown = [*(name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…" for name in names), "next"]

@@ -298,9 +298,8 @@ def _next_of_sessions(results: Results) -> list[tuple[str, str]]:
     """What to do after a comparison or with a rig."""
     steps = [_after(given.result) for given in results.comparisons]
     for given in (given for given in results.rigs if given.result.base is not None):
-        at = f"{given.result.main.best_level:.4g} {given.result.input_unit}".rstrip()
         line = _line("today", given, "STEP", "-o", _unused(given, "today.json"))
-        steps.append((f"In the next session record one step at {at} first: it is worth most", line))
+        steps.append((f"Record {given.result.advice}", "" if given.result.confounded else line))
     return steps
 
 

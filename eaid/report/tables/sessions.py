@@ -9,12 +9,12 @@ from eaid.sessions.rig import Rig
 def next_table(rig: Rig) -> Table:
     """The next session's main quantity at every level."""
     one = rig.main
+    stepped = () if rig.confounded else ((("with one step ×/÷", "", 3), "with_step"),)
+    note = "" if rig.confounded else f"; with one step: after one reference step at {rig.best_step}"
     return table_of(
-        "The next session", f"{rig.symbol} with 95 % intervals; with one step: after one reference step at "
-        f"{one.best_level:.4g} {rig.input_unit}".rstrip(), one.next,
+        "The next session", f"{rig.symbol} with 95 % intervals{note}", one.next,
         (("level", rig.input_unit), lambda row: level(row.level)), ((rig.symbol, one.unit, 3), "value"),
-        (INTERVAL, lambda row: (row.low, row.high)), (("×/÷", "", 3), "factor"),
-        (("with one step ×/÷", "", 3), "with_step"),
+        (INTERVAL, lambda row: (row.low, row.high)), (("×/÷", "", 3), "factor"), *stepped,
     )  # fmt: skip
 
 
