@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
@@ -40,15 +41,22 @@ class MixedValues:
         return MixedLine(self, v)
 
     @cached_property
-    def blocks(self) -> tuple[Array, Array, Array, Array]:
-        """y (b, m), X (b, m, p), W (b, m, m), G (k, b, m, m) of values that have something in common, block by block;
-        in shorter blocks a value of nothing, with the variance 1, stands for each that is missing."""
-        n, every = len(self.y), np.zeros((1 + len(self.G), len(self.y) + 1, len(self.y) + 1))
-        every[:, :n, :n] = self.W, *self.G
-        label = connected_components(csr_array((every[:, :n, :n] != 0).any(axis=0)), directed=False)[1]
+    def place(self) -> NDArray[np.intp]:
+        """The values that have something in common, block by block, (b, m); n for each that is missing in shorter
+        blocks."""
+        tied = np.any([self.W != 0, *(G != 0 for G in self.G)], axis=0)
+        label = connected_components(csr_array(tied), directed=False)[1]
         sizes = np.bincount(label)
-        place = np.full((len(sizes), sizes.max()), n)  # n: missing
+        place = np.full((len(sizes), sizes.max()), len(self.y))
         place[np.arange(sizes.max()) < sizes[:, None]] = np.argsort(label, kind="stable")
+        return place
+
+    @cached_property
+    def blocks(self) -> tuple[Array, Array, Array, Array]:
+        """y (b, m), X (b, m, p), W (b, m, m), G (k, b, m, m), block by block; a value of nothing, with the variance 1,
+        stands for each that is missing."""
+        n, place, every = len(self.y), self.place, np.zeros((1 + len(self.G), len(self.y) + 1, len(self.y) + 1))
+        every[:, :n, :n] = self.W, *self.G
         squares = every[:, place[:, :, None], place[:, None, :]]
         squares[0] += (place == n)[:, :, None] * np.eye(place.shape[1])
         return np.append(self.y, 0)[place], np.vstack([self.X, 0 * self.X[:1]])[place], squares[0], squares[1:]
@@ -85,8 +93,10 @@ class MixedLine:
     @cached_property
     def inverse(self) -> Array:
         """K⁻¹ of the covariance of the values, (n, n)."""
-        K = self.values.W + sum(v * G for v, G in zip(self.v, self.values.G, strict=True))
-        return np.asarray(np.linalg.inv(K))
+        n, place, (_, _, W, G) = len(self.values.y), self.values.place, self.values.blocks
+        whole = np.zeros((n + 1, n + 1))
+        whole[place[:, :, None], place[:, None, :]] = np.linalg.inv(W + np.tensordot(self.v, G, 1))
+        return whole[:n, :n]
 
     @cached_property
     def covariance(self) -> Array:

@@ -133,7 +133,7 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
 
 def phi_of(fit: Fit, model: LinearPlant, bounds: Bounds, plant: Plant | None) -> float | None:
     """What the data show of |η − η̂|; of a fit by several sessions what 19 of 20 plants of the next one show."""
-    if not of_sessions(fit) or not drawable(fit):
+    if not fit.of_sessions or not drawable(fit):
         return phi_needed(model, bounds, plant)
     each = [phi_needed(model, bounds, one) or 0.0 for one in draw(fit, PLANTS, 0).plants]
     return float(np.quantile(each, 0.95))
@@ -150,11 +150,6 @@ def falls_seen(fit: Fit) -> bool:
     """Whether the logs of a fit show falls from level to level."""
     tested = () if fit.recorded is None else fit.recorded.falls
     return any(one.name == "fall_tau1" for one in tested) or bool(falls_between(fit.friction_levels))
-
-
-def of_sessions(fit: Fit) -> bool:
-    """Whether a fit's intervals are those of the next session, not of one mounting."""
-    return fit.uncertainty is not None and fit.uncertainty.ci == "sessions"
 
 
 def tune(
@@ -188,7 +183,7 @@ def tune(
         verdict, rc, more = judged_rc(task, settled, rc, pi, replayed)
         findings += more
     findings += _notes(task, settled, tuned, rc, replayed)
-    if not of_sessions(fit):
+    if not fit.of_sessions:
         findings.append(finding("for-this-mounting", "model"))
     findings += unknown_to_plant(fit)
     if task.plant is not None and not falls_seen(fit):

@@ -391,6 +391,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return self.dead_time_s if known is None else max(self.dead_time_s, known[1])
 
     @property
+    def of_sessions(self) -> bool:
+        """Whether its intervals are those of the next session, by `eaid.today`, not of one mounting."""
+        return self.uncertainty is not None and self.uncertainty.ci == "sessions"
+
+    @property
     def verdict(self) -> "Verdict":
         """Whether it may be used, and why not: `usable`, `reasons`, `why`; `of("linear")` is that on one model."""
         from eaid.results.verdict import verdict_of

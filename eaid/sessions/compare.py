@@ -23,7 +23,7 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.sessions.gather import MANY, RESPONSES, Value, foreseen, snapped, together, values_of
+from eaid.sessions.gather import MANY, RESPONSES, Value, snapped, together, values_of
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import two_sided
 from eaid.shown import Plotted, pandas
@@ -210,7 +210,7 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
 def _seen(fit: Fit, quantity: str, letter: str) -> list[Value]:
     """What a session has shown of a number: of one known by reference steps, at their levels only."""
     values, steps = values_of(fit, quantity, letter), {source.level for source in fit.data.sources}
-    return [one for one in values if one.level in steps or not foreseen(fit)]
+    return [one for one in values if one.level in steps or not fit.of_sessions]
 
 
 def holm(p: Sequence[float]) -> list[float]:

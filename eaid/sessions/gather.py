@@ -22,7 +22,6 @@ from eaid.shown import pandas
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
 MANY = 1e9  # Degrees of freedom of what is known for certain
-CI = "sessions"  # What a fit of today says its intervals are made of
 PLAIN_COLUMNS = ("session", "level", "value", "sd_log")
 # What a file name says of drive and stand → how it is called; levels, which change within a session, are no such thing
 NAMED = {"f": "drive frequency", "freq": "drive frequency", "v": "speed", "speed": "speed", "rpm": "speed"}
@@ -46,8 +45,9 @@ class Session(Result, frozen=True):
     logs: tuple[Input, ...] = ()
 
 
-def values_of(fit: Fit, name: str, session: str) -> list[Value]:
-    """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (of level 1), as its data tell."""
+def values_of(fit: Fit, name: str, session: str, of_one_run: bool = False) -> list[Value]:
+    """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (of level 1), as its data tell; those
+    without an interval only where they may be `of_one_run`, as if they were certain."""
     linear, pooled = fit.linear, sum(max(one.runs - 1, 0) for one in fit.responses)
     rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
     if name in RESPONSES:
@@ -58,10 +58,14 @@ def values_of(fit: Fit, name: str, session: str) -> list[Value]:
     found = []
     for level, row in rows:
         value, ends = getattr(row, name), getattr(row.ci95, name, None)
-        if ends is not None and value and level > 0 and 0 < ends[0] <= value <= ends[1]:
+        if not value or value < 0 or level <= 0:
+            continue
+        if ends is not None and 0 < ends[0] <= value <= ends[1]:
             dof = min(getattr(row.ci95, "dof", {name: pooled}).get(name) or MANY, MANY)
             sd_log = float(np.log(ends[1] / ends[0]) / 2 / stdtrit(dof, 0.975))
             found.append(Value(session, level, value, sd_log, dof))
+        elif of_one_run:
+            found.append(Value(session, level, value, 0.0))
     return found
 
 
@@ -92,11 +96,6 @@ def snapped(values: Sequence[Value]) -> list[Value]:
     group = np.cumsum(np.append(0, np.diff(np.log(levels)) > LEVELS_SAME)) if len(levels) else levels
     same = {float(u): float(np.median(levels[group == g])) for u, g in zip(levels, group, strict=True)}
     return [one if same[one.level] == one.level else replace(one, level=same[one.level]) for one in values]
-
-
-def foreseen(fit: Fit) -> bool:
-    """Whether a fit is one of today: foreseen by reference steps."""
-    return fit.uncertainty is not None and fit.uncertainty.ci == CI
 
 
 def logs_of(fit: Fit) -> tuple[Input, ...]:

@@ -219,7 +219,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
             f"{counted(len(fits), 'session')}: three and more tell what the next one may be; record another, or see "
             "what moved between two with eaid compare"
         )
-    if foretold := [name for name, fit in fits.items() if gather.foreseen(fit)]:
+    if foretold := [name for name, fit in fits.items() if fit.of_sessions]:
         raise DataError(
             f"{foretold[0]}: is foreseen by reference steps, no session of its own; fit the logs of its session"
         )
@@ -227,7 +227,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
     sound = [fit for fit in fits.values() if fit.verdict.usable] or list(fits.values())
     base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
     units = {"tau1": "s", "tau2": "s", "a0": "1/s", **dict.fromkeys(("Ts", *RESPONSES), base.data.output_unit)}
-    quantities = {}
+    found = {}
     for name in SESSION_NUMBERS:
         values = gather.snapped([one for key, fit in fits.items() for one in gather.values_of(fit, name, key)])
         without = [key for key in fits if key not in {one.session for one in values}]
@@ -235,29 +235,29 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
             runs = [sd for fit in fits.values() if (sd := gather.run_scatter(fit, name)) is not None]
             sd_step = math.sqrt(float(np.mean(np.square(runs)))) if runs else None
             one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
-            if name == "Ts" or one.factor < FACTOR:
-                quantities[name] = one
+            if name == "Ts" or one[0].factor < FACTOR:
+                found[name] = one
         elif name == "Ts":
             raise DataError(f"{', '.join(without)}: no level has a T_s with an interval; fit the logs again, with «ci»")
     sessions = tuple(Session(name, gather.logs_of(fit)) for name, fit in fits.items())
     slim = msgspec.structs.replace(base, steps=(), responses=(), parameters=(), recorded=None, findings=())
-    return _judged(Rig(options=options, input_unit=base.data.input_unit, sessions=sessions, quantities=quantities,
-                       base=slim, findings=tuple(told)))  # fmt: skip
+    return _judged(found, options=options, input_unit=base.data.input_unit, sessions=sessions, base=slim,
+                   findings=tuple(told))  # fmt: skip
 
 
 def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
     """A rig of a plain table."""
     if len(names := list(dict.fromkeys(one.session for one in values))) < LEAST_SESSIONS:
         raise DataError(f"the table holds {counted(len(names), 'session')}; three and more tell what the next may be")
-    quantities = {"value": quantity_of(gather.snapped(values), names, options)}
-    return _judged(Rig(options=options, sessions=tuple(map(Session, names)), quantities=quantities))
+    found = {"value": quantity_of(gather.snapped(values), names, options)}
+    return _judged(found, options=options, sessions=tuple(map(Session, names)))
 
 
 def quantity_of(
     values: Sequence[Value], names: Sequence[str], options: SessionsOptions, sd_step: float | None = None,
     unit: str = "",
-) -> Quantity:  # fmt: skip
-    """One number over the sessions: its model found, the next session foreseen."""
+) -> tuple[Quantity, Model]:  # fmt: skip
+    """One number over the sessions, the next one foreseen; and its model."""
     levels = np.unique([one.level for one in values])
     each = [{one.level for one in values if one.session == name} for name in names]
     terms = min(options.terms or 3, len(levels), max(1, len(values) - 2))
@@ -273,7 +273,7 @@ def quantity_of(
     rows = np.column_stack([now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach)])
     scatter, more = Scatter(*np.sqrt(model.variances).tolist()), float(np.exp(finer.reach.max()))
     foreseen = tuple(Foreseen(*row) for row in rows.tolist())
-    return Quantity(unit, model.reference, terms, tuple(values), scatter, sd, best, more, foreseen)
+    return Quantity(unit, model.reference, terms, tuple(values), scatter, sd, best, more, foreseen), model
 
 
 def _known(values: Sequence[Value], names: Sequence[str]) -> Known:
@@ -283,9 +283,10 @@ def _known(values: Sequence[Value], names: Sequence[str]) -> Known:
     return known((names.index(one.session), one.level, one.value, one.sd_log) for one in values)
 
 
-def _judged(rig: Rig) -> Rig:
-    """The rig with what is to be known of its main quantity; UsageError for more terms than that carries."""
-    one, model, wanted = rig.main, rig.main.model(rig.names), rig.options.terms
+def _judged(found: Mapping[str, tuple[Quantity, Model]], **parts: Any) -> Rig:
+    """The rig, with what is to be known of its main quantity; UsageError for more terms than that carries."""
+    rig = Rig(quantities={name: one for name, (one, _) in found.items()}, **parts)
+    (one, model), wanted = next(iter(found.values())), rig.options.terms
     if one.terms and wanted not in (None, one.terms):
         held = f"{counted(len(model.known.y), 'value')} at {counted(len(model.knots), 'level')}"
         raise UsageError(f"«terms» {wanted}: the sessions hold {held}; give {one.terms} at most")

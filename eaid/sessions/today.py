@@ -27,7 +27,7 @@ from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
 from eaid.results.parameters import table_of
 from eaid.results.responses import LevelResponse, ResponseIntervals, responses_of
-from eaid.sessions.gather import CI, MANY, RESPONSES, logs_of, together, values_of
+from eaid.sessions.gather import MANY, RESPONSES, logs_of, together, values_of
 from eaid.sessions.model import NO_STEPS, Known, Next, between, steps_known
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
@@ -66,7 +66,7 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
         name: rig.foreseen(np.ones(1) if name == "a0" else levels, steps[name], name) for name in rig.quantities
     }
     made = _with_linear(_with_plant(_with_levels(base, rows, foreseen), rows, foreseen), rows, foreseen)
-    uncertainty = replace(base.uncertainty or parts.Uncertainty(), ci=CI, share=None, lack_of_fit=())
+    uncertainty = replace(base.uncertainty or parts.Uncertainty(), ci="sessions", share=None, lack_of_fit=())
     own = {"sources": shown.data.sources, "inputs": shown.data.inputs}
     data = replace(base.data, **own, repeats=(), samples=(), replayed=())
     held = [] if "held" not in foreseen else [
@@ -91,14 +91,11 @@ def _steps(rig: Rig, shown: Fit, name: str) -> Known:
     one level nothing: it is another number than that of all."""
     if name == "a0":
         return NO_STEPS
-    own = {one.level: (one.value, one.sd_log) for one in values_of(shown, name, "")}
+    values = values_of(shown, name, "", of_one_run=name in ("Ts", *RESPONSES))
     repeats = dict(zip(shown.data.levels, shown.data.repeats, strict=False))
-    if name in ("Ts", *RESPONSES):  # of one run there may be no interval
-        rows: Sequence[Any] = shown.responses if name in RESPONSES else shown.level_values
-        seen = {row.level: getattr(row, name) for row in rows}
-        own = {u: own.get(u, (value, 0.0)) for u, value in seen.items() if value is not None and value > 0}
-    of_runs = {u: rig.quantities[name].sd_step / max(repeats.get(u, 1), 1) ** 0.5 for u in own}
-    return steps_known((u, value, max(of_runs[u], sd_log)) for u, (value, sd_log) in own.items())
+    of_runs = [rig.quantities[name].sd_step / max(repeats.get(one.level, 1), 1) ** 0.5 for one in values]
+    each = zip(values, of_runs, strict=True)
+    return steps_known((one.level, one.value, max(of_run, one.sd_log)) for one, of_run in each)
 
 
 def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:

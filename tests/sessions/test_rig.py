@@ -98,13 +98,6 @@ def test_fits_hold_together_as_their_values_do(fits, rig):
     assert 0.1 < rig.main.sd.gain < 0.6 and codes(rig).keys() <= {"session-carries-estimate", "trend-over-sessions"}
 
 
-def test_too_few_sessions_are_refused(fits, table):
-    with pytest.raises(eaid.DataError, match="2 sessions: three and more"):
-        eaid.sessions({name: fits[name] for name in ("s0", "s1")})
-    with pytest.raises(eaid.DataError, match="the table holds 2 sessions"):
-        eaid.sessions(table[table["session"] < "day 2"])
-
-
 def test_another_rig_is_refused_with_what_differs(fits):
     some = {name: fits[name] for name in ("s0", "s1", "s2")}
     data = fits["s2"].data
@@ -133,6 +126,7 @@ def test_a_log_in_two_sessions_is_refused(fits, make):
         (lambda t: t.drop(columns="sd_log"), "no column sd_log"),
         (lambda t: t.assign(value=-t["value"]), "row 1 of the table .* above 0"),
         (lambda t: t.assign(level="low"), "row 1 of the table"),
+        (lambda t: t[t["session"] < "day 2"], "the table holds 2 sessions"),
     ],
 )
 def test_a_table_that_is_none_is_refused(table, change, said):
@@ -160,20 +154,17 @@ def test_values_known_for_certain_are_taken(table):
     np.testing.assert_allclose(exact.next(), eaid.sessions(table.assign(sd_log=1e-4)).next(), rtol=1e-3)
 
 
-def test_few_sessions_are_warned_of(table):
-    assert "few-sessions" not in codes(eaid.sessions(table))
-    assert "few-sessions" in codes(eaid.sessions(table[table["session"] != "day 4"]))
+def test_few_sessions_and_a_reference_level_beyond_theirs_are_warned_of(table):
+    few, beyond = "few-sessions", "reference-level-outside"
+    assert not {few, beyond} & codes(eaid.sessions(table, reference_level=200.0)).keys()
+    assert few in codes(eaid.sessions(table[table["session"] != "day 4"]))
+    assert beyond in codes(eaid.sessions(table, reference_level=400.0))
 
 
 def test_a_scatter_that_is_not_seen_is_said():
     found = eaid.sessions(many([0.3, -0.3, 0.1, -0.2, 0.2, 0.0]).assign(sd_log=0.05))
     none = [one for one in found.findings if one.code == "no-scatter-between-sessions"]
     assert none and "session × level" in none[0].values["components"]
-
-
-def test_a_reference_level_beyond_the_sessions_is_said(table):
-    assert "reference-level-outside" in codes(eaid.sessions(table, reference_level=400.0))
-    assert "reference-level-outside" not in codes(eaid.sessions(table, reference_level=200.0))
 
 
 def test_one_session_that_carries_the_estimate_is_named():
