@@ -187,10 +187,10 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
             f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
             f"×/÷ {one.factor**narrower:.2f}"
         )
-        also = [f"{key} {self._reach(of, 'one step')}" for key, of in self.quantities.items() if key in RESPONSES]
+        also = [f"{key} {self._reach(of, ', after one step')}" for key, of in self.quantities.items() if key in RESPONSES]
         return [
             f"rig     {counted(n, 'session')}: the next one's {self.symbol} within "
-            f"{self._reach(one, f'one reference step ({self.best_step})')}, at the worst level",
+            f"{self._reach(one, f'; after one reference step ({self.best_step})')}, at the worst level",
             *([f"also    {'; '.join(also)}"] if also else []),
             f"scatter gain {one.sd.gain:.3g}, tilt {one.sd.tilt:.3g}, session × level {one.sd.level:.3g} (sd of ln "
             f"{self.symbol}); one run {one.sd_step:.3g}",
@@ -198,9 +198,8 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
             f"advice  {self.advice}",
         ]
 
-    def _reach(self, one: Quantity, step: str) -> str:
-        after = "" if self.confounded else f"; after {step} ×/÷ {one.with_step:.2f}"
-        return f"×/÷ {one.factor:.2f}{after}"
+    def _reach(self, one: Quantity, after: str) -> str:
+        return f"×/÷ {one.factor:.2f}" + ("" if self.confounded else f"{after} ×/÷ {one.with_step:.2f}")
 
     def summary(self) -> str:
         """The next session's reach, the scatter, the advice, and the gravest findings."""
