@@ -187,7 +187,8 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
             f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
             f"×/÷ {one.factor**narrower:.2f}"
         )
-        also = [f"{key} {self._reach(of, ', after one step')}" for key, of in self.quantities.items() if key in RESPONSES]
+        known = [key for key in RESPONSES if key in self.quantities]
+        also = [f"{key} {self._reach(self.quantities[key], ', after one step')}" for key in known]
         return [
             f"rig     {counted(n, 'session')}: the next one's {self.symbol} within "
             f"{self._reach(one, f'; after one reference step ({self.best_step})')}, at the worst level",
