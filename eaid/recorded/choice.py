@@ -18,7 +18,7 @@ from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
-from eaid.recorded.creep import by_noise, creeping, with_rates
+from eaid.recorded.creep import by_noise, creeping, sure, with_rates
 from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import seen, tested, with_falls
 from eaid.recorded.from_logs import Setup, Solved, ended_near, fit_setup, idle_found, plant_found, setup_of
@@ -101,9 +101,8 @@ def plant_of_logs(
     plain = [without_creep(log, rate) for log, rate in zip(logs, rates.tolist(), strict=True)]
     again = _chosen(plain, others, inputs, options, rests, of_steps_s, falls, wanted)
     solved, without = with_rates(again.solved, again.logs)
-    if solved.cost >= chosen.solved.cost - by_noise(solved, len(logs)):
-        return chosen
-    return replace(again, solved=solved, logs=without)
+    better = solved.cost < chosen.solved.cost - by_noise(solved, len(logs))
+    return replace(again, solved=solved, logs=without) if better and sure(solved, without) else chosen
 
 
 def _chosen(

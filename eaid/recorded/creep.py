@@ -15,11 +15,12 @@ from scipy.special import chdtri
 from eaid.arrays import Array
 from eaid.estimate.recorded_log import RecordedLog, without_creep
 from eaid.estimate.solver import approach
+from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE
 from eaid.recorded.from_logs import Solved, ended_near, setup_of
 from eaid.recorded.kinds import independent_of
-from eaid.recorded.log_intervals import Spread
+from eaid.recorded.log_intervals import Spread, spread
 
 LEAST_PART, MOST_PART = 0.002, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
 
@@ -67,6 +68,16 @@ def with_rates(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solved, tup
     setup = setup_of(before.model, plain, before.idle_free, before.dead_time_s)
     drives = setup.every.drives if before.model.kind == "swing" else setup.drives
     return replace(ended, fitted=replace(setup, extras=before.extras, creeping=len(logs), drives=drives), x=x), plain
+
+
+def sure(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
+    """Whether the noise, coloured as it is, makes some of the rates as rarely as `SHARE_CHANCE`."""
+    known, unknowns = spread(solved), np.eye(solved.setup.size)
+    for log, place in zip(logs, solved.setup.places, strict=True):
+        variance, degrees = known.variance(unknowns[place.own[3]])
+        if abs(log.creep) > t_quantile(degrees, 1 - SHARE_CHANCE) * np.sqrt(variance):
+            return True
+    return False
 
 
 def creep_findings(solved: Solved, logs: Sequence[RecordedLog], known: Spread | None, unit: str) -> list[Finding]:
