@@ -6,9 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
 
-import msgspec
 import numpy as np
 
 from eaid.arrays import median
@@ -17,9 +15,8 @@ from eaid.errors import DataError
 from eaid.files import sha256_of
 from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
-from eaid.logs.folders import files_of
+from eaid.logs.folders import logs_meant
 from eaid.logs.formats import ForeignReader, format_of
-from eaid.logs.manifest import apply, manifest_of
 from eaid.logs.names import agreeing, chosen, level_and_repeat, pattern_guessed, several_factors, unit_beside
 from eaid.logs.read import columns_told, read_what_can_be
 from eaid.logs.run import Run
@@ -52,31 +49,11 @@ def read_steps(
     the one that a refusal proposes.
     """
     baseline_rule(options.baseline)  # what is wrong in the options is told before anything is read
-    manifest = manifest_of(paths)
-    if manifest is None:
-        files = files_of(paths, warn)
-    else:
-        out = [entry for entry in manifest.log if entry.exclude is not None]
-        files, plain = files_of(Path(entry.file) for entry in manifest.log if entry not in out), ReadOptions()
-        if out:
-            each = ", ".join(f"{Path(entry.file).name}: {entry.exclude or 'no reason given'}" for entry in out)
-            warn(f"{manifest.path}: {len(out)} of {len(manifest.log)} logs excluded ({each})")
-        if not files:
-            raise DataError(f"{manifest.path}: excludes all its logs; take exclude off one")
-        of_folder = msgspec.to_builtins(manifest.options).items()
-        stands = {name: value for name, value in of_folder if getattr(options, name) == getattr(plain, name)}
-        options = replace(options, **cast(Any, stands))
-        listed = {Path(entry.file).resolve() for entry in manifest.log}
-        whole = files_of([manifest.path.parent]) if paths[0] in (manifest.path, manifest.path.parent) else ()
-        for file in [one for one in whole if one.resolve() not in listed][:5]:
-            warn(f"{manifest.path}: does not list {file.name}, which is left out")
+    files, options = logs_meant(paths, options, warn)
     files = agreeing(files, options.where)
     with progress("reading logs", len(files)) as advance:
         runs, faults = read_what_can_be(files, options, advance)
     runs = without_switches(runs, options)
-    if manifest is not None:
-        entries = {entry.file: entry for entry in manifest.log}
-        runs = [apply(entries[run.source], run) if run.source in entries else run for run in runs]
     for sentence in columns_told(runs):
         columns(sentence)
     how = replace(options, logs_as="steps") if command == "ingest" else options  # what is not cut is refused there

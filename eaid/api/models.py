@@ -76,7 +76,7 @@ def read(
     how = chosen(ReadOptions, options, {**({"columns": columns} if columns else {}), **keywords})
     tables = tables_in(source)
     if tables is not None:
-        from eaid.logs.frames import runs_from_frames
+        from eaid.logs.read import runs_from_frames
 
         return steps_of(runs_from_frames(tables, how), how)[1]
     return read_steps(paths_in(source), how, progress)[1]

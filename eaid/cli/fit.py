@@ -35,7 +35,7 @@ def command(
 
     Example: eaid fit bench/ --levels 20:100 --hold-out 60 -o fit.json
     """
-    from eaid.logs.manifest import files_read
+    from eaid.logs.folders import files_read
     from eaid.reading import read_steps
     from eaid.report.tables.fits import model_tables
     from eaid.results.summary import answer, runs, usable_line, verdict_line

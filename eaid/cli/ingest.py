@@ -26,15 +26,14 @@ def command(
     """
     from eaid.cli.printed import counts, ingested, steps_shown
     from eaid.logs.dataset import write_dataset
-    from eaid.logs.folders import files_of
-    from eaid.logs.manifest import files_read
-    from eaid.logs.manifest import write_manifest as write
+    from eaid.logs.folders import files_of, files_read
+    from eaid.logs.folders import write_manifest as write
     from eaid.reading import read_steps
 
     refuse_to_overwrite(output, args.force, files_read(logs))
     runs, stepset = read_steps(logs, reading, console.progress, console.warn, console.say, "ingest")
     if write_manifest:
-        at = write(files_of(logs), runs, {**stepset.reading, "kind": stepset.kind}, args.force)
+        at = write(files_of(logs), {**stepset.reading, "kind": stepset.kind}, args.force)
         console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     tell_result(args, ingested(stepset), steps_shown(stepset), (), "ingest")

@@ -23,7 +23,7 @@ def command(
 
     Example: eaid simulate fit.json --gains gains.json --scenario sweep --noise-nm 0.01
     """
-    from eaid.logs.manifest import files_read
+    from eaid.logs.folders import files_read
     from eaid.report.tables.replays import tables_of
     from eaid.results.replay_file import as_json, write_replay
     from eaid.results.summary import of_fit

@@ -23,7 +23,7 @@ def command(
     Example: eaid today rig.json step_60.csv -o today.json
     """
     from eaid.findings import say
-    from eaid.logs.manifest import files_read
+    from eaid.logs.folders import files_read
     from eaid.reading import read_steps
     from eaid.results import codec
     from eaid.results.summary import answer

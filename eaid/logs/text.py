@@ -23,14 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.errors import DataError
-from eaid.logs.cells import COMMENT, at_once, cell_by_cell
 from eaid.logs.clocks import CLOCK_STAMP, seconds_of
 from eaid.logs.table import BadCell, Cells, Table, with_times
 from eaid.logs.units import unit_of
+from eaid.shown import pandas
 
 # A comma that is a decimal mark and cannot be one between thousands
 _DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
 _LABEL = re.compile(r"^([A-Za-z_]\w*)\s*[:=]\s*(?=[-+.\d])")
+COMMENT = ("#", "%", "//")
 TABLE_ROWS = 3  # Rows of numbers, one below the other, that make a table
 HEAD_BYTES = 1 << 15
 PIECE = 1 << 22  # Characters that are read at once
@@ -389,3 +390,68 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
             f"every one; save it with decimal points"
         )
     return Cells(tuple(whole), tuple(bad), tuple(rows))
+
+
+def at_once(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
+    """The columns of a piece by pandas' parser; None where anything in them is not a plain finite number, or a row is
+    longer or shorter than the first."""
+    if not set(columns).isdisjoint(dialect.stamps):
+        return None
+    marks = dialect.marks
+    if marks.delimiter is None:  # cells stand apart by one blank each
+        body = "\n".join(" ".join(row.strip("[]; \r").split()) for row in body.split("\n"))
+    between = marks.delimiter or " "
+    first = body.partition("\n")[0].split(between)
+    data = f"{body}\n".encode()
+    signs = np.frombuffer(data, dtype=np.uint8)
+    between_cells = (signs == ord(between)) | (signs == ord("\n"))
+    ends = signs[between_cells] == ord("\n")  # of cells: which end a row
+    quoted = '"' in body and (np.cumsum(signs == ord('"'))[between_cells] % 2).any()  # what parts no cells
+    even = len(first) >= dialect.count and ends.sum() * len(first) == len(ends)
+    if quoted or not even or not ends[len(first) - 1 :: len(first)].all():
+        return None
+    # more than a float surely holds: stamps in ns stay whole
+    kinds = {i: np.int64 if len(one := first[i].strip('" ')) > 15 and one.isdigit() else np.float64 for i in columns}
+    try:
+        table = pandas.read_csv(
+            io.BytesIO(data), sep=between, decimal=marks.decimal, header=None, usecols=list(kinds), dtype=kinds,
+            na_filter=False, skip_blank_lines=False, low_memory=False,
+        )  # fmt: skip
+    except (ValueError, OverflowError):
+        return None
+    values = tuple(table[column].to_numpy() for column in columns)
+    return Cells(values, rows=((0, line),)) if all(np.isfinite(one).all() for one in values) else None
+
+
+def cell_by_cell(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells:
+    """The columns of a piece cell by cell, every bad cell listed; comment and blank lines are passed over.
+
+    Stamps stay texts: what they mean depends on those before them.
+    """
+    count, length = dialect.count, 0
+    values: list[list[Any]] = [[] for _ in columns]
+    rows: list[tuple[int, int]] = []
+    bad: list[BadCell] = []
+    for row, raw in enumerate(body.split("\n"), start=line):
+        text = raw.strip(" \0\x1a")
+        if not text.strip("[];") or text.startswith(COMMENT):
+            continue
+        if not rows or row - length != rows[-1][1] - rows[-1][0]:
+            rows.append((length, row))
+        cells = dialect.marks.cells(text, count)[: count if dialect.remarks else None]
+        whole = len(cells) == count
+        if not whole:
+            bad.append(BadCell(length, -1, str(len(cells))))
+        for k, column in enumerate(columns):
+            if column in dialect.stamps:
+                values[k].append(cells[column] if whole else "")
+                continue
+            value = dialect.marks.value(cells[column]) if whole else None
+            if whole and (value is None or not math.isfinite(value)):
+                bad.append(BadCell(length, column, cells[column].strip()[:40]))
+                value = None
+            values[k].append(math.nan if value is None else value)
+        length += 1
+    kinds = [object if column in dialect.stamps else np.float64 for column in columns]
+    arrays = (np.array(one, dtype=kind) for one, kind in zip(values, kinds, strict=True))
+    return Cells(tuple(arrays), tuple(bad), tuple(rows))

@@ -92,7 +92,6 @@ ROWS: dict[str, Row] = {
     "input-may-be-active-low": caution(
         "its output rises where its input falls from {at}: if that is the input at rest, say «rest»"
     ),
-    "log-changed": caution("the log has changed since its manifest was written"),
     # Steps
     "other-shape-fits-better": caution(_other_shape, "saved_pct", rank=0),
     "step-leaves-open": note("the step to {levels} leaves open: {open}"),
