@@ -179,6 +179,12 @@ def test_marks_and_rows(log, times, values, read):
         assert ((run.time_s + run.start_s)[:2].tolist(), run.output[:2].tolist()) == (list(times), list(values))
 
 
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_the_last_row_of_a_short_log_is_read(rows, read):
+    log = text(HEADER, range(rows), [50 * (k > 0) for k in range(rows)], range(rows))
+    assert {tuple(read(one).output.tolist()) for one in (log, log.rstrip())} == {tuple(map(float, range(rows)))}
+
+
 @pytest.mark.parametrize("digits", [0, 3])
 @pytest.mark.parametrize("marks", [",.", "'.", " ,", ".,"])
 @pytest.mark.parametrize("between", [";", ","])

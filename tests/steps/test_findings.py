@@ -313,41 +313,6 @@ def test_repair_bridges_rows_that_stand_far_out_up_to_one_in_a_hundred(sign: int
     assert "spikes" in told(read(spiked(range(410, 810, 20)), repair=True))  # too many
 
 
-# a start off its rest: a test by a second way
-
-SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
-
-
-def left_early(hold: Any, change: float) -> bool:
-    """Whether a rest is left before its end, by the t test of docs/formats.md, one group size after the other."""
-    from scipy import stats
-
-    tried = [k for k in SIZES if 8 * k <= len(hold)]
-    for k in tried:
-        means = [float(np.mean(hold[a : a + k])) for a in range((len(hold) - 2 * k) % k, len(hold) - 2 * k, k)]
-        spread = np.std(means, ddof=1) * np.sqrt(1 + 1 / len(means))
-        limit = spread * stats.t.ppf(1 - 1e-5 / 2 / len(tried), len(means) - 1)
-        limit = max(limit, 1.2 * np.abs(np.array(means) - np.mean(means)).max(), 0.02 * abs(change))
-        if abs(float(np.mean(hold[-k:])) - np.mean(means)) > limit:
-            return True
-    return False
-
-
-@pytest.mark.parametrize("size", [1, 2, 6, 24])
-def test_whether_a_rest_was_left_by_a_second_way(size: int) -> None:
-    seen = []
-    for k, off in enumerate((0.5, 4.0, 6.0, 7.0, 9.0, 10.0)):
-        count = 40 * size + 3
-        frame = log([(0, count / 100), (50, 8)], noise=0.1, seed=100 * size + k)
-        hold = frame.torque_nm.to_numpy()[:count].copy()
-        hold[-size:] += 0.1 * off / np.sqrt(size)
-        steps = read(frame.assign(torque_nm=np.concatenate((hold, frame.torque_nm[len(hold) :]))))
-        found = any(code.endswith("at-rest") for code in told(steps))
-        seen.append(found)
-        assert found is left_early(hold, 2.0)
-    assert True in seen and False in seen
-
-
 # logs that hold no steps
 
 

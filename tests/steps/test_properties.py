@@ -9,9 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.stop_findings import BAD, false_alarms, good, misses
-from eaid.arrays import median
 from eaid.errors import DataError
-from eaid.steps.noise import sample_noise
 
 from .make import INPUTS, curve, log, read, told
 
@@ -113,16 +111,3 @@ def test_stop_findings_at_length() -> None:
     """docs/formats.md: of good logs 2 % at most raise one, of bad ones 5 % at most pass."""
     assert max(false_alarms(150).values(), default=0) <= 4
     assert {kind: missed for kind in BAD if (missed := misses(kind, 60)) > 5} == {}
-
-
-@given(st.lists(st.floats(-1e300, 1e300) | st.just(float("nan")) | st.just(0.0), max_size=40))
-def test_the_median_is_numpys(values: list[float]) -> None:
-    expected = float(np.median(values)) if values else np.nan
-    assert median(values) == pytest.approx(expected, rel=1e-15, nan_ok=True)
-
-
-def test_the_noise_of_a_commanded_input_is_none() -> None:
-    held = np.repeat([0.0, 40.0, 0.0], 100)
-    assert sample_noise(held) == 0.0
-    noisy = held + 0.1 * np.random.default_rng(1).standard_normal(300)
-    assert sample_noise(noisy) == pytest.approx(0.1, rel=0.2)
