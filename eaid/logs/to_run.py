@@ -102,7 +102,10 @@ def run_of(
         kind=options.kind or kind,
         findings=tuple(msgspec.structs.replace(one, subject=name) for one in told),
         taken=tuple((role, table.label(column)) for role, column in taken.items()), left=(*others, *table.dropped),
-        moves=_moves(beside(), time_s) if which is None else (), others=beside,
+        moves=tuple(
+            (label, float(time_s[at])) for label, values in (beside() if which is None else ())
+            if (at := leaves_rest(values)) is not None
+        ), others=beside,
     )  # fmt: skip
 
 
@@ -185,12 +188,6 @@ def _beside(table: Table, roles: Roles, rows: slice | NDArray[np.intp]) -> Besid
         if not rises(values) and np.isfinite(values).all() and np.ptp(values):
             found.append((table.label(column), read_only(values.astype(np.float64))))
     return tuple(found)
-
-
-def _moves(beside: Beside, time_s: Array) -> tuple[tuple[str, float], ...]:
-    """Which of the other columns leave their rest, and when."""
-    instants = ((label, leaves_rest(values)) for label, values in beside)
-    return tuple((label, float(time_s[at])) for label, at in instants if at is not None)
 
 
 def _on_clock(instant_s: float | None, time_s: Array, start_s: float) -> float | None:

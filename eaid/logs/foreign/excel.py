@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from datetime import date
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +41,9 @@ def _table(name: str, rows: Sequence[Row]) -> Table | None:
     while rows and not any(cell is not None for cell in rows[-1]):
         rows = rows[:-1]
     places = [i for i, cell in enumerate(rows[start]) if _is_number(cell)]
-    words = [[_word(row, i) for i in places] for row in reversed(rows[:start]) if any(map(bool, row))]
+    columns = [column for i, column in enumerate(zip_longest(*rows)) if i in places]
+    above = [row for row in range(start - 1, -1, -1) if any(map(bool, rows[row]))]
+    words = [["" if column[row] is None else str(column[row]).strip() for column in columns] for row in above]
     told = [unit_of(word).quantity for word in (words[0] if words else ()) if word]
     units = words.pop(0) if len(words) > 1 and told and all(told) else [""] * len(places)
     stamped = tuple(k for k, i in enumerate(places) if isinstance(rows[start][i], date))
@@ -49,7 +52,7 @@ def _table(name: str, rows: Sequence[Row]) -> Table | None:
     def load(wanted: Sequence[int]) -> Cells:
         values, bad = [], []
         for k in wanted:
-            cells = [row[places[k]] if places[k] < len(row) else None for row in rows[start:]]
+            cells = columns[k][start:]
             if k in stamped:
                 stamps = [np.datetime64(cell) if isinstance(cell, date) else np.datetime64("NaT") for cell in cells]
                 column = seconds(np.array(stamps, dtype="datetime64[us]"))
@@ -62,8 +65,3 @@ def _table(name: str, rows: Sequence[Row]) -> Table | None:
 
     labels = tuple(words[0]) if words else ("",) * len(places)
     return Table(name, labels, load, tuple(units), stamped=stamped)
-
-
-def _word(row: Row, place: int) -> str:
-    cell = row[place] if place < len(row) else None
-    return "" if cell is None else str(cell).strip()
