@@ -13,7 +13,7 @@ those that are typed win, and, written by hand, logs that are not to be read wit
 import json
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -112,9 +112,10 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     exclude: dict[str, str] = {}  # Name of a log → why it is not to be read
 
 
-def files_read(paths: Sequence[Path]) -> list[Path]:
+def files_read(paths: Sequence[Path]) -> Iterator[Path]:
     """All that is read where these paths are given: a folder, or its manifest, stands for its logs, too."""
-    return [*paths, *files_of(path for path in map(_folder, paths) if path.is_dir())]
+    yield from paths
+    yield from files_of(path for path in map(_folder, paths) if path.is_dir())
 
 
 def _folder(path: Path) -> Path:
