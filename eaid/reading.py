@@ -204,7 +204,7 @@ def steps_of(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
-    how, runs = options.logs_as, chosen([(run, run.name) for run in runs], options.where)
+    how, runs = options.logs_as, chosen(runs, options.where)
     asked, (runs, more) = list(_asked(runs, how)), _ended(runs)
     if asked or more:
         raise DataError(*faults, *asked, *more)

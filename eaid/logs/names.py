@@ -18,7 +18,7 @@ from eaid.logs.run import Run
 from eaid.logs.units import COUNTERS
 from eaid.shown import listed
 
-T = TypeVar("T")
+Named = TypeVar("Named", Path, Run)
 _NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _FACTOR = re.compile(rf"(?<![A-Za-z])([A-Za-z]+)=({_NUMBER}[A-Za-zµ%]*|[A-Za-z]+)")
 REPEATS = COUNTERS | {"rep", "repeat", "run", "trial", "test", "date", "time"}
@@ -46,15 +46,15 @@ def agreeing(files: Sequence[Path], where: Mapping[str, str]) -> list[Path]:
     """Files whose names do not say otherwise: those within a dataset are looked at when it is read."""
     wanted = {key: shortest(value) for key, value in where.items()}
     kept = [file for file in files if wanted.items() <= {**wanted, **factors_of(file.name)}.items()]
-    return kept or chosen([(file, file.name) for file in files], where)
+    return kept or chosen(files, where)
 
 
-def chosen(items: Sequence[tuple[T, str]], where: Mapping[str, str]) -> list[T]:
+def chosen(items: Sequence[Named], where: Mapping[str, str]) -> list[Named]:
     """Those whose names say all of `where`; UsageError where there are none."""
     wanted = {key: shortest(value) for key, value in where.items()}
-    kept = [one for one, name in items if wanted.items() <= factors_of(name).items()]
+    kept = [one for one in items if wanted.items() <= factors_of(one.name).items()]
     if items and not kept:
-        said = sorted({f"{key}={value}" for _, name in items for key, value in factors_of(name).items()})
+        said = sorted({f"{key}={value}" for one in items for key, value in factors_of(one.name).items()})
         told = ", ".join(f"{key}={value}" for key, value in where.items())
         raise UsageError(f"«where» {told}: no name says so; they say {listed(said, 8) or 'nothing'}")
     return kept
