@@ -10,7 +10,8 @@ rig's own scales: its pace s = a0/1.36, 1.36 1/s being the paper's a0, and its t
 
 The PI of every rig, the paper's too: 1 % overshoot on the linear model, settling within 0.27 s/s, a time that grows by
 half until the loop has 6 dB and 45° around every operating point of the plant as it runs, sampled, latched and behind
-its dead time; where the linear model knows no slower one, no overshoot, K_I = a0 K_P.
+its dead time, and in smaller steps until it has them with the largest gain that the rig may have there; where the
+linear model knows no slower one, no overshoot, K_I = a0 K_P.
 
 The robust loop of a rig that is not the paper's, or has a dead time, has these margins too: ε grows by half until it
 has, and where no ε does, K_P and K_D give way to those of half the PI's gains around rest. On the paper's rig its
@@ -41,7 +42,8 @@ PAPER_TOP = 4.372  # Output of the reference plant at 100 % [N·m]
 LAYER = 0.11  # Half width of the paper's boundary layer over the torque at 100 %: ε/(Q22 · 4.37)
 OVERSHOOT_PCT, SETTLING_S = 1.0, 0.27  # What the paper's PI was meant to reach (§V-B)
 SLOWER = 1.5  # Factor on a settling time, or on ε, that the sampled loop cannot have
-MOST_STEPS = 30
+SLIGHTLY = SLOWER**0.25  # The same where only a gain larger than the fitted one keeps the loop from its margins
+MOST_STEPS = 40
 PARTS_OF_PI = (0.5, 0.25, 0.1)  # Of the PI's slopes, that an RC is given in turn where its own are too quick
 LONG = 1.0  # Dead time over 1/a0 beyond which there is no robust controller
 
@@ -162,15 +164,20 @@ def quickest(
     """The quickest PI that has, as a law takes it, 6 dB and 45° around every operating point, the dead time times each
     factor in turn; None where there is none."""
     timings = [msgspec.structs.replace(timing, delay_samples=each * timing.delay_samples) for each in wrong]
+    steepest = [point.steepest for point in points if point.times > 1]
     for overshoot_pct in (OVERSHOOT_PCT, 0.0):
-        for k in range(MOST_STEPS):
-            settling_s = SETTLING_S / pace * SLOWER**k
+        settling_s = SETTLING_S / pace
+        for _ in range(MOST_STEPS):
             try:
                 pi = law(*pi_gains(model, overshoot_pct, settling_s))
             except GainsError:  # slower than integral control alone
                 break
-            if all(holds(pi, point, each) for each in timings for point in points):
+            if not all(holds(pi, point, each) for each in timings for point in points):
+                settling_s *= SLOWER
+            elif all(holds(pi, point, each) for each in timings for point in steepest):
                 return AskedPI(overshoot_pct, settling_s)
+            else:
+                settling_s *= SLIGHTLY
     return None
 
 
@@ -214,11 +221,14 @@ def workable_rc(
             K_D = (part * pi.K_P + model.a0 / model.b0) / B_hat
             tried.append(replace(design, K_P=part * pi.K_I / B_hat, K_D=K_D))
     for one in tried:
-        for k in range(MOST_STEPS):
-            wider = replace(one, epsilon=one.epsilon * SLOWER**k, gamma=one.gamma / SLOWER**k)
-            law = rc_law(model, robust_of(model, bounds, wider), wider.duty_limits_pct)
+        wider = one
+        for _ in range(MOST_STEPS):
+            law, by = rc_law(model, robust_of(model, bounds, wider), wider.duty_limits_pct), SLOWER
             if all(holds(law, point, timing, *least) for point in points):
-                return wider
+                if all(holds(law, point.steepest, timing, *least) for point in points if point.times > 1):
+                    return wider
+                by = SLIGHTLY
+            wider = replace(wider, epsilon=wider.epsilon * by, gamma=wider.gamma / by)
     return design
 
 

@@ -34,6 +34,7 @@ from eaid.plant import linear
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import Complex, Operating, around, lag
+from eaid.results.common import Interval
 from eaid.results.gains import Margin, MarginPoint, Margins, Timing
 from eaid.results.models import LinearLevel, StepShape
 
@@ -49,9 +50,16 @@ class Point(NamedTuple):
     torque_nm: float
     plant: Operating  # Around that input
     falling: bool = False  # With the time constants of an output that falls
+    times: float = 1.0  # Factor by which the rig's gain may be larger than the plant's
+
+    @property
+    def steepest(self) -> "Point":
+        """With the largest gain that the rig may have."""
+        return self._replace(plant=replace(self.plant, gain=self.times * self.plant.gain))
 
 
 MARGIN_POINTS = 10  # Operating points of the margins where the fit names no levels
+STEEP_INPUTS = 9  # Inputs beside a level at which T_s(u) is looked at for its steepest slope
 
 
 def operating_points(
@@ -73,6 +81,36 @@ def operating_points(
         return [Point(row.level, row.gain, lag(row.gain / row.level, 1 / row.a0)) for row in rows]
     middle = sum(limits) / 2
     return [Point(middle, linear.steady(model, middle), lag(model.b0 / model.a0, 1 / model.a0))]
+
+
+def may_be_steeper(
+    points: Sequence[Point], plant: Plant, ends: Mapping[float, Interval], scatter: float
+) -> list[Point]:
+    """Points with how much larger the rig's gain may be than T_s(u) has it: at its steepest between the levels on both
+    sides, or as the parabola through both and this one, rest among them; and by how far T_s may lie above the curve, by
+    the upper one of its `ends` at that level and twice the `scatter` of levels, a part of T_s.
+
+    Where T_s(u) falls, but no level lies below a lower one by more than their `ends`, the gain is that itself.
+    """
+    inputs, found = sorted({0.0, *(point.duty_pct for point in points)}), []
+    for point in points:
+        u, gain, own = point.duty_pct, point.plant.gain, ends.get(point.duty_pct)
+        lower = [each for v in inputs if v < u and (each := ends.get(v)) is not None]
+        if gain <= 0 and (own is None or any(low > own[1] for low, _ in lower)):
+            found.append(point)
+            continue
+        place = inputs.index(u)
+        beside = np.array(inputs[max(place - 1, 0) : place + 2])
+        chords = np.diff(plant.steady(beside)) / np.diff(beside)
+        parabola = float(np.interp(u, beside[[0, -1]], chords[[0, -1]]))
+        between = np.linspace(max(beside[0], plant.u_range[0]), beside[-1], STEEP_INPUTS).tolist()
+        beyond = 1.0 if own is None or not point.torque_nm else max(1.0, own[1] / point.torque_nm)
+        steepest = max(gain, parabola, *map(plant.slope, between)) * (beyond + 2 * scatter)
+        if gain > 0:
+            found.append(point._replace(times=steepest / gain))
+        else:
+            found.append(point._replace(plant=replace(point.plant, gain=steepest)))
+    return found
 
 
 def falling(plant: Plant) -> Plant | None:

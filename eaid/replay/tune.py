@@ -32,6 +32,7 @@ from eaid.control.margins import (
     if_falls_are_releases,
     least_margins,
     margins_of,
+    may_be_steeper,
     operating_points,
 )
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
@@ -45,6 +46,7 @@ from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
 from eaid.replay.metrics import tracking
 from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of
+from eaid.results.common import ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 from eaid.results.plant import falls_between
@@ -123,6 +125,10 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
     scales, timing, limits = scales_of(fit, plant), timing_of(fit, options), options.duty_limits or input_limits(fit)
     name = reference_name or (reference if isinstance(reference, str) else "multisine")
     points = as_stepped(operating_points(plant, model, bounds.rows, fit.data.levels, limits), fit.steps)
+    if plant is not None and plant.sloped:
+        ends = {row.level: ci95_of(row, "Ts") for row in fit.level_values}
+        scatter = (fit.nonlinear.level_scatter if fit.nonlinear is not None else None) or 0.0
+        points = may_be_steeper(points, plant, ends, scatter)
     return Task(
         fit, model, plant, bounds, scales, points,
         timing, limits, from_its_start(reference_of(reference or "multisine", timing.step_s, scales)), name,
@@ -277,6 +283,8 @@ def _notes(task: Task, settled: Design, tuned: Design, rc: Robust | None, replay
     if task.plant is None:
         findings.append(finding("nothing-to-replay-on", "model"))
         return findings
+    if falls := [point.duty_pct for point in task.points if task.plant.slope(point.duty_pct) <= 0 < point.plant.gain]:
+        findings.append(finding("fall-within-interval", "model", falls, unit=unit[0]))
     findings += reference_beyond(task.wanted, plant_numbers(task.plant), task.name, unit[1])
     if replayed.paper_pi is not None:
         overshoot_pct, settling_s = step_metrics(model, *PAPER_PI)

@@ -1,5 +1,6 @@
 """Rigs with a dead time: found in steps from rest, counted once; loops keep on the true plant what they are told."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from scipy.optimize import brentq
 from scipy.signal import step
 
 import eaid
+from eaid.arrays import Array
 from eaid.control.gains import law_of
 from eaid.control.rc import rc_step
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant
@@ -19,22 +21,22 @@ from eaid.plant.operating import around
 
 from .test_smith import fit_of as heater
 
-LEVELS = range(10, 101, 30)
+LEVELS = dict.fromkeys(range(10, 101, 30), 1.0)
 
 
 def rig(dead_s: float, slower: float) -> Plant:
     return replace(REFERENCE_PLANT, dead_time_s=dead_s, tau1=tuple(slower * c for c in REFERENCE_PLANT.tau1))
 
 
-def fitted(plant: Plant, noise: float = 0.01, repeats: int = 2) -> eaid.Fit:
-    """Steps from rest by SciPy."""
+def fitted(plant: Plant, noise: float = 0.01, repeats: int = 2, levels: dict[int, float] = LEVELS) -> eaid.Fit:
+    """Steps from rest to each level by SciPy, its output times a factor."""
     random, t, frames = np.random.default_rng(5), np.arange(-400, 4000) * 0.005, {}
     acts = np.flatnonzero(t >= plant.dead_time_s - 1e-9)
-    for u in LEVELS:
+    for u, factor in levels.items():
         tau1, tau2 = map(float, plant.time_constants(u))
         lags = ([plant.C * tau2 + (1 - plant.C) * tau1, 1.0], np.polymul([tau1, 1.0], [tau2, 1.0]))
         y = np.zeros(t.size)
-        y[acts] = float(plant.steady(u)) * step(lags, T=np.arange(acts.size) * 0.005)[1]
+        y[acts] = factor * float(plant.steady(u)) * step(lags, T=np.arange(acts.size) * 0.005)[1]
         for k in range(repeats):
             read = y * (1 + 0.02 * random.normal() * (noise > 0)) + noise * random.normal(size=t.size)
             duty = np.where(t >= -1e-9, float(u), 0.0)
@@ -59,17 +61,18 @@ def slopes(gains: eaid.Gains, name: str, torque: float, duty: float) -> tuple[fl
     )
 
 
-def true_margins(plant: Plant, gains: eaid.Gains, name: str) -> list[tuple[float, float]]:
+def true_margins(
+    plant: Plant, gains: eaid.Gains, name: str, levels: dict[int, float] = LEVELS
+) -> list[tuple[float, float]]:
     """Gain [dB] and phase margin [°] of a loop at every level of the true plant by python-control, sampled at 1 kHz,
     without a PWM's latch."""
     control = pytest.importorskip("control")
     h, omega, found = 1e-3, np.geomspace(1e-3, 0.999e3 * np.pi, 2_000), []
     z = np.exp(1j * omega * h)
-    for u in LEVELS:
+    for u, factor in levels.items():
         tau1, tau2 = map(float, plant.time_constants(u))
-        slope = sum(k * c * u ** (k - 1) for k, c in enumerate(plant.Ts) if k)
-        lags = slope * (control.tf([plant.C], [tau1, 1.0]) + control.tf([1 - plant.C], [tau2, 1.0]))
-        by_torque, by_integral = slopes(gains, name, float(plant.steady(u)), float(u))
+        lags = factor * plant.slope(u) * (control.tf([plant.C], [tau1, 1.0]) + control.tf([1 - plant.C], [tau2, 1.0]))
+        by_torque, by_integral = slopes(gains, name, factor * float(plant.steady(u)), float(u))
         loop = (by_torque + by_integral * h / (z - 1)) * control.c2d(control.ss(lags), h)(z)
         loop = loop * np.exp(-1j * omega * plant.dead_time_s)
         gain, phase_deg, *_ = control.stability_margins(control.frd(loop, omega, smooth=True))
@@ -78,6 +81,32 @@ def true_margins(plant: Plant, gains: eaid.Gains, name: str) -> list[tuple[float
 
 
 RIGS = [(0.05, 0.6), (0.08, 0.7), (0.1, 0.8), (0.12, 0.9), (0.15, 1.0), (0.2, 1.1), (0.25, 1.2), (0.3, 1.3)]
+
+
+def saturating(form: Callable[[Array], Array]) -> Plant:
+    """A plant of 3 N·m at 100 % whose T_s(u) is of a form."""
+    u = np.linspace(0.0, 100.0, 101)
+    return replace(
+        rig(0.1, 1.0), u_range=(1.0, 100.0), Ts_through=tuple(zip(u, 3 * form(u) / form(u)[-1], strict=True))
+    )
+
+
+SATURATING = {
+    "tanh": (saturating(lambda u: np.tanh(u / 70)), {20: 1.04, 40: 0.97, 60: 1.03, 80: 0.98, 100: 0.97}),
+    "exponential": (saturating(lambda u: 1 - np.exp(-u / 100)), {30: 1.03, 53: 0.95, 77: 1.05, 100: 0.98}),
+}
+
+
+@pytest.mark.parametrize(("form", "falls"), [("tanh", False), ("exponential", True)])
+def test_where_T_s_saturates_and_levels_scatter_loops_have_their_margins_too(form: str, falls: bool) -> None:
+    """A curve through such levels is too flat at the lowest one, and may fall at the highest."""
+    plant, levels = SATURATING[form]
+    gains = eaid.tune_rc(fitted(plant, levels=levels), pwm_hz=0.0)
+    for name in ("pi", "rc"):
+        each = true_margins(plant, gains, name, levels)
+        gain_db, phase_deg = (min(one) for one in zip(*each, strict=True))
+        assert gain_db >= 6 and phase_deg >= 45, name
+    assert falls == ("fall-within-interval" in {one.code for one in gains.findings})
 
 
 MARKED = [pytest.param(*one, marks=[pytest.mark.slow] if one != RIGS[0] else []) for one in RIGS]

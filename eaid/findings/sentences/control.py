@@ -95,6 +95,10 @@ ROWS: dict[str, Row] = {
         "nothing holds the error; a slower reference in the middle of the range takes less"
     ),
     "margin-missed": caution(_margin),
+    "fall-within-interval": caution(
+        "T_s(u) falls around {levels} {unit}, the levels' T_s within their intervals do not: gains and margins are for "
+        "a rig that rises there as it does beside it"
+    ),
     "margin-if-falls-are-releases": caution(
         lambda v: (
             f"the {v['subject'].upper()} loop has "
