@@ -13,8 +13,8 @@ from eaid.findings import finding
 from eaid.levels.certainty import levels_first
 from eaid.levels.each_level import own_levels
 from eaid.options import PlanOptions
-from eaid.planning.design import KEEPING, Widths, fitted_rig, percent, settled, wanting
 from eaid.planning.kinds import PARAMETERS, is_clutch, session_widths
+from eaid.planning.widths import KEEPING, Widths, fitted_rig, percent, settled, wanting
 from eaid.plant.steps import step_response
 from eaid.results.fit import Fit
 from eaid.results.models import Noise

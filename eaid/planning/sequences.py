@@ -20,9 +20,9 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
 from eaid.options import Limits, PlanOptions
-from eaid.planning.design import Widths, fitted_rig, percent, relative_rows, settled, wanting
 from eaid.planning.kinds import PARAMETERS, Sensitivities, is_clutch
 from eaid.planning.recordings import RATE_HZ, simulated_disturbance
+from eaid.planning.widths import Widths, fitted_rig, percent, relative_rows, settled, wanting
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven

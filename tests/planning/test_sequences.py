@@ -10,6 +10,7 @@ from eaid.options import Limits
 from eaid.planning.sequences import plan_excitation, recording_widths, refuse_scattered
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.results.models import Noise
+from eaid.synth.datasets import shipped
 
 NOISE = Noise(1.8e-7, 6e-5, {"Ts": 0.0, "tau1": 0.0, "tau2": 0.0})
 WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}
@@ -36,6 +37,16 @@ def test_measured_widths_are_the_predicted_ones() -> None:
     for name, predicted in found.half_width_pct.items():
         # a prediction takes the noise at its lowest frequencies, and no width is known better than to a third
         assert 0.35 * predicted < np.median([row[name] for row in rows]) < 1.35 * predicted
+
+
+@pytest.mark.slow
+def test_a_sequence_is_shorter_than_steps_and_what_those_take_is_the_same_beside_it() -> None:
+    fit = eaid.fit(eaid.read(shipped()["clutch"]), model=("nonlinear", "friction"))
+    want = {"Ts": 8.0, "tau1": 20.0}
+    steps = eaid.plan(fit, want=want, check=False)
+    sequence = eaid.plan(fit, want=want, check=False, excitation=True)
+    assert steps.met and sequence.classic_time_on_rig_s == steps.time_on_rig_s
+    assert sequence.met and sequence.time_on_rig_s < steps.time_on_rig_s
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ import pytest
 
 import eaid
 from eaid.estimate.scatter import ASSUMED
-from eaid.planning import design
-from eaid.planning.design import fitted_rig
+from eaid.planning.widths import Widths, enlarged, fitted_rig
 from tests.estimate.conftest import sets
 
 __all__ = ["sets"]
@@ -32,12 +31,12 @@ def test_a_plan_is_not_taken_for_its_luck() -> None:
     """Widths that differ by a quarter from recording to recording: four of five keep what is stated, 73 % without."""
     random = np.random.default_rng(1)
 
-    def measure(plan: Asked) -> list[design.Widths]:
+    def measure(plan: Asked) -> list[Widths]:
         return [{"Ts": plan.width * float(np.exp(0.25 * z))} for z in random.standard_normal(14)]
 
     kept = []
     for _ in range(400):
-        plan, widths = design.enlarged(lambda wanted: Asked(wanted["Ts"]), measure, {"Ts": 1.0}, 0.8)
+        plan, widths = enlarged(lambda wanted: Asked(wanted["Ts"]), measure, {"Ts": 1.0}, 0.8)
         stated = widths["Ts"]
         assert stated <= 1.0
         kept.append(np.mean([row["Ts"] <= stated for row in measure(plan)]))
