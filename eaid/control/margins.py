@@ -338,11 +338,6 @@ def loop_response(law: Any, plant: Operating, timing: Timing, omega: Array) -> C
     return np.asarray(by_torque * measured_response(plant, timing, omega), dtype=np.complex128)
 
 
-def integral_response(law: LinearLaw, timing: Timing, omega: Array) -> Complex:
-    """Duty by the integral, per error at the samples."""
-    return np.asarray(law.k_q * timing.step_s / (np.exp(1j * omega * timing.step_s) - 1), dtype=np.complex128)
-
-
 def crossovers(law: Any, plant: Operating, timing: Timing) -> list[tuple[float, float]]:
     """Where the loop's gain is 1: the phase that is left to −1, from −π to π, and the frequency [rad/s]."""
     omega = frequencies(plant, timing, 2000)

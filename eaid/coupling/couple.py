@@ -104,10 +104,10 @@ def duty_response(channel: Channel, timing: Timing, omega: Array) -> Complex:
     """Duty per reference at sampled frequencies [rad/s], the torque loop closed, its dead time and the mean response of
     the PWM's latch in it."""
     law, z, late = channel.law, np.exp(1j * omega * timing.step_s), np.exp(-1j * omega * timing.delay_s)
-    by_integral = margins.integral_response(law, timing, omega)
+    by_torque = law.response(z, timing.step_s)
     measured = margins.measured_response(channel.point.plant, timing, omega) * late
-    by_reference = law.k_r + by_integral + law.k_v * (1 - 1 / z) / timing.step_s
-    closed = by_reference / (1 + (law.k_T + by_integral) * measured)
+    by_reference = law.k_r - law.k_T + by_torque + law.k_v * (1 - 1 / z) / timing.step_s
+    closed = by_reference / (1 + by_torque * measured)
     return np.asarray(closed * margins.latch_response(timing, omega) * late, dtype=np.complex128)
 
 

@@ -8,6 +8,9 @@ import pytest
 from scipy.optimize import brentq
 
 import eaid
+from eaid.control.margins import may_be_steeper, operating_points
+from eaid.plant.dynamics import Plant
+from eaid.plant.linear import PAPER_LINEAR
 
 LAGS = ((0.0772, 0.2673), (0.0136, 15.53))
 """Gain [N·m/%] and time constant [s] of two lags, as around 100 % duty of the reference plant."""
@@ -200,6 +203,21 @@ def test_margins_of_the_reference_plant(tuned, told):
     assert {one.subject for one in sharp.findings if one.code == "margin-missed"} == {"rc"}
     with pytest.raises(eaid.GainsError, match="RC loop is unstable on the fitted model around 100 %, at 1000 Hz"):
         tuned(nonlinear=True, epsilon=0.05, gamma=500.0)
+
+
+@pytest.mark.parametrize(("width", "rises"), [(None, False), (0.01, False), (0.2, True)])
+def test_a_fall_that_the_levels_bear_out_stays(width, rises):
+    """T_s of 1.36, 2.64 and 2 N·m with such intervals, its slope at the highest −0.04."""
+    plant, levels = Plant((0.3,), (3.0,), (0.0, 0.08, -0.0006), (20.0, 100.0)), (20.0, 60.0, 100.0)
+    points = operating_points(plant, PAPER_LINEAR, (), levels, (0.0, 100.0))
+    ends = {
+        point.duty_pct: width and (point.torque_nm * (1 - width), point.torque_nm * (1 + width)) for point in points
+    }
+    low, middle, high = may_be_steeper(points, plant, ends, 0.05)
+    assert (high.plant.gain > 0) is rises and high.times == 1.0 and (rises or high.plant.gain == pytest.approx(-0.04))
+    # T_s is the parabola through rest and two levels itself; beside the middle it is steepest at 20 %
+    assert low.times == pytest.approx(1.1 + (width or 0.0))
+    assert middle.steepest.plant.gain == pytest.approx((1.1 + (width or 0.0)) * 0.056)
 
 
 def test_loops_that_are_unstable_and_latches_that_are_none(tuned):
