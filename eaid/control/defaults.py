@@ -157,6 +157,14 @@ def design_options(
     )  # fmt: skip
 
 
+def slower_by(law: Law, points: Sequence[Point], timings: Sequence[Timing], *least: float) -> float:
+    """The factor by which a loop is to be tried slower, for its margins around every point; 1 where it has them."""
+    if not all(holds(law, point, each, *least) for each in timings for point in points):
+        return SLOWER
+    steepest = [point.steepest for point in points if point.times > 1]
+    return 1.0 if all(holds(law, point, each, *least) for each in timings for point in steepest) else SLIGHTLY
+
+
 def quickest(
     model: LinearPlant, points: Sequence[Point], timing: Timing, pace: float,
     law: Callable[[float, float], Law] = PIGains, wrong: tuple[float, ...] = (1.0,),
@@ -164,7 +172,6 @@ def quickest(
     """The quickest PI that has, as a law takes it, 6 dB and 45° around every operating point, the dead time times each
     factor in turn; None where there is none."""
     timings = [msgspec.structs.replace(timing, delay_samples=each * timing.delay_samples) for each in wrong]
-    steepest = [point.steepest for point in points if point.times > 1]
     for overshoot_pct in (OVERSHOOT_PCT, 0.0):
         settling_s = SETTLING_S / pace
         for _ in range(MOST_STEPS):
@@ -172,12 +179,9 @@ def quickest(
                 pi = law(*pi_gains(model, overshoot_pct, settling_s))
             except GainsError:  # slower than integral control alone
                 break
-            if not all(holds(pi, point, each) for each in timings for point in points):
-                settling_s *= SLOWER
-            elif all(holds(pi, point, each) for each in timings for point in steepest):
+            if (factor := slower_by(pi, points, timings)) == 1:
                 return AskedPI(overshoot_pct, settling_s)
-            else:
-                settling_s *= SLIGHTLY
+            settling_s *= factor
     return None
 
 
@@ -223,12 +227,10 @@ def workable_rc(
     for one in tried:
         wider = one
         for _ in range(MOST_STEPS):
-            law, by = rc_law(model, robust_of(model, bounds, wider), wider.duty_limits_pct), SLOWER
-            if all(holds(law, point, timing, *least) for point in points):
-                if all(holds(law, point.steepest, timing, *least) for point in points if point.times > 1):
-                    return wider
-                by = SLIGHTLY
-            wider = replace(wider, epsilon=wider.epsilon * by, gamma=wider.gamma / by)
+            law = rc_law(model, robust_of(model, bounds, wider), wider.duty_limits_pct)
+            if (factor := slower_by(law, points, [timing], *least)) == 1:
+                return wider
+            wider = replace(wider, epsilon=wider.epsilon * factor, gamma=wider.gamma / factor)
     return design
 
 
