@@ -7,10 +7,10 @@ run = eaid.simulate(fit, gains)      eaid.report(fit, gains, run, to="report/")
 """
 
 import sys
+from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from eaid.late import late
 from eaid.version import __version__
 
 __all__ = [
@@ -26,7 +26,7 @@ def __getattr__(name: str) -> Any:
     """The public names, whose libraries are loaded when one is first asked for: `eaid --help` needs none."""
     if name in __all__:
         for place in ("errors", "options", "api", "api.given", "api.models"):  # the quick ones first
-            if (found := late(f"eaid.{place}", name, None)) is not None:
+            if (found := getattr(import_module(f"eaid.{place}"), name, None)) is not None:
                 return found
     raise AttributeError(f"module 'eaid' has no attribute {name!r}")
 

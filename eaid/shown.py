@@ -3,9 +3,8 @@
 import math
 from collections.abc import Sequence
 from html import escape
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
-
-from eaid.late import late
 
 if TYPE_CHECKING:
     import pandas as pandas  # which others take from here
@@ -15,7 +14,7 @@ else:
         """pandas, loaded when it is first asked for something: a command that makes no table goes without."""
 
         def __getattr__(self, name: str) -> Any:
-            return late("pandas", name)
+            return getattr(import_module("pandas"), name)
 
     pandas = _WhenAsked()
 

@@ -14,7 +14,7 @@ from eaid.options import SESSIONS, Columns, CompareOptions, ReadOptions
 
 
 @takes
-def command(
+def compare(
     args: Common, how: CompareOptions, reading: Columns,
     files: list[Path] = argument(
         "A B…", "fit.json of a session, A, and of those that it is held against, B, C …; or a fit.json (or replay.h5) "

@@ -10,7 +10,7 @@ from eaid.errors import EaidError, UsageError
 
 
 @takes
-def command(args: Common, output: Path = written("demo", "Folder that the demo fills.")) -> None:
+def demo(args: Common, output: Path = written("demo", "Folder that the demo fills.")) -> None:
     """Ingest, fit, tune, simulate and report the three datasets that ship with eaid, into one folder.
 
     Needs no network and no rig. The data are synthetic; the page says so.

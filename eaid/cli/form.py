@@ -1,7 +1,7 @@
 """A command's options, those of `eaid.options` and its own: parameters that Typer takes, and what is typed as values.
 
 @takes
-def command(args: Common, how: TuneOptions, fit: Path = argument("FIT", "A fit.json.")) -> None: ...
+def tune_rc(args: Common, how: TuneOptions, fit: Path = argument("FIT", "A fit.json.")) -> None: ...
 """
 
 import inspect
@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
-import eaid
 from eaid.cli import console
 from eaid.declared import Declaration, Form, Options, as_typed, forms, option, part
 from eaid.errors import DataError, UsageError
-from eaid.options import CHANCE, WHAT, ReadOptions
+from eaid.options import CHANCE, ReadOptions
 
 if TYPE_CHECKING:
     from eaid.findings import Finding
@@ -48,23 +47,6 @@ class Common(Options):
     quiet: bool = option(False, "No messages, tables or progress; errors are still told.", OUTPUT, "-q", "--quiet")
     verbose: bool = option(False, "Tell all findings and show all tables.", OUTPUT, "-v", "--verbose", "--tables")
     typed: tuple[str, ...] = ()  # What was typed, but for what only says where the result goes and how it is shown
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitAndGains(Common):
-    """Of commands that take a fit and, for closed loops, gains."""
-
-    fit: Path = argument("FIT", "fit.json of eaid fit, with a nonlinear model.")
-    gains_placed: Path | None = argument("GAINS", "The same as --gains.", None)
-    gains: Path | None = option(None, "gains.json of eaid tune-rc; closed loops need it.", WHAT, shown="FILE")
-
-    def read(self) -> "tuple[eaid.Fit, eaid.Gains | None, tuple[Finding, ...]]":
-        """Both, and what is to be told of their files."""
-        from eaid.results import codec
-
-        fit, warnings = codec.read(self.fit, eaid.Fit)
-        gains, more = codec.read(self.gains, eaid.Gains) if self.gains else (None, ())
-        return fit, gains, (*warnings, *more)
 
 
 def takes(body: Callable[..., int | None]) -> Callable[..., int | None]:

@@ -7,12 +7,12 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
 
 from eaid.cli import console
 from eaid.cli.signals import breaking_off
 from eaid.errors import EaidError, UsageError, on_command_line, unknown
-from eaid.late import late
 from eaid.version import __version__
 
 if TYPE_CHECKING:
@@ -64,21 +64,21 @@ def patient_streams() -> Iterator[None]:
         sys.stdout, sys.stderr = before
 
 
-# One module of `eaid.cli` each, with a function `command`; the order and the short words of `--help`
+# Command → the module of `eaid.cli` that has a function of its name, and the short words of `--help`, in their order
 COMMANDS = {
-    "ingest": "Logs → what is in them and warnings, data.h5",
-    "fit": "Logs or data.h5 → models with intervals and a verdict, fit.json",
-    "tune_rc": "fit.json → robust and PI gains, the guarantee checked, gains.json",
-    "simulate": "Replay controllers on the fitted plant, replay.h5",
-    "export": "gains.json → source for a rig: C, Arduino, MATLAB, FMU, YAML",
-    "report": "Result files → one HTML page and figures",
-    "synth": "A plant → synthetic logs",
-    "couple": "fit.json and gains.json → how stiff a virtual wall, couple.json",
-    "compare": "fit.json of sessions → what moved, must gains be made anew; or a recorded loop",
-    "sessions": "fit.json of three sessions and more → what the next may be, rig.json",
-    "today": "rig.json and a reference step → a fit that holds today",
-    "plan": "fit.json → what to record next, plan.csv",
-    "demo": "All of the above on the three shipped datasets",
+    "ingest": ("models", "Logs → what is in them and warnings, data.h5"),
+    "fit": ("models", "Logs or data.h5 → models with intervals and a verdict, fit.json"),
+    "tune-rc": ("loops", "fit.json → robust and PI gains, the guarantee checked, gains.json"),
+    "simulate": ("loops", "Replay controllers on the fitted plant, replay.h5"),
+    "export": ("loops", "gains.json → source for a rig: C, Arduino, MATLAB, FMU, YAML"),
+    "report": ("report", "Result files → one HTML page and figures"),
+    "synth": ("models", "A plant → synthetic logs"),
+    "couple": ("loops", "fit.json and gains.json → how stiff a virtual wall, couple.json"),
+    "compare": ("compare", "fit.json of sessions → what moved, must gains be made anew; or a recorded loop"),
+    "sessions": ("sessions", "fit.json of three sessions and more → what the next may be, rig.json"),
+    "today": ("today", "rig.json and a reference step → a fit that holds today"),
+    "plan": ("models", "fit.json → what to record next, plan.csv"),
+    "demo": ("demo", "All of the above on the three shipped datasets"),
 }
 
 
@@ -87,8 +87,14 @@ HELP = f"""Usage: eaid COMMAND [OPTIONS] …
 The workbench for electroadhesive clutches: from recorded step responses to models, gains and replays.
 
 Commands:
-{"".join(f"  {name.replace('_', '-'):<10}{words}{chr(10)}" for name, words in COMMANDS.items())}
+{"".join(f"  {name:<10}{words}{chr(10)}" for name, (_, words) in COMMANDS.items())}
 eaid COMMAND --help shows its options; eaid --version the version; eaid --install-completion completes in your shell."""
+
+
+def function_of(name: str) -> Callable[..., Any]:
+    """The function of a command; only its module is imported."""
+    module = import_module(f"eaid.cli.{COMMANDS[name][0]}")
+    return cast("Callable[..., Any]", getattr(module, name.replace("-", "_")))
 
 
 def load_command(name: str) -> "TyperCommand":
@@ -96,8 +102,7 @@ def load_command(name: str) -> "TyperCommand":
     import typer
 
     alone = typer.Typer(add_completion=False, rich_markup_mode="markdown")  # rich's own markup would eat [units]
-    body = late(f"eaid.cli.{name.replace('-', '_')}", "command")
-    alone.command(name, context_settings={"help_option_names": ["-h", "--help"]})(body)
+    alone.command(name, context_settings={"help_option_names": ["-h", "--help"]})(function_of(name))
     return cast("TyperCommand", typer.main.get_command(alone))
 
 
@@ -109,8 +114,8 @@ def complete(arguments: list[str]) -> None:
     import typer
 
     whole = typer.Typer(name="eaid", rich_markup_mode="markdown")
-    for module in COMMANDS:
-        whole.command(module.replace("_", "-"))(late(f"eaid.cli.{module}", "command"))
+    for name in COMMANDS:
+        whole.command(name)(function_of(name))
     typer.main.get_command(whole)(args=arguments, prog_name="eaid", standalone_mode=False)
 
 
@@ -156,7 +161,6 @@ def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
     for k in [k for k, word in enumerate(rest) if word == "--follow"]:  # its number may be left out
         if not re.fullmatch(r"[\d.]+", "".join(rest[k + 1 : k + 2])):
             rest = [*rest[: k + 1], "0", *rest[k + 1 :]]
-    known = [module.replace("_", "-") for module in COMMANDS]
     try:
         if "" in arguments:  # pathlib takes it for the current folder
             raise UsageError("an empty word stands among the arguments; give a file or a folder in its place")
@@ -166,8 +170,8 @@ def _outcome(arguments: list[str]) -> tuple[int, tuple[str, ...]]:
         if name in ("-h", "--help", "--version"):
             print(f"eaid {__version__}" if name == "--version" else HELP)
             return 0, ()
-        if name not in known:
-            raise UsageError(f"{unknown('no such command', name, known)}; see eaid --help")
+        if name not in COMMANDS:
+            raise UsageError(f"{unknown('no such command', name, COMMANDS)}; see eaid --help")
         code = load_command(name)(args=rest, prog_name=f"eaid {name}", standalone_mode=False)
         return (code if isinstance(code, int) else 0), ()
     except EaidError as fault:

@@ -19,7 +19,7 @@ class Shared(Common):
 
 
 @takes
-def command(
+def report(
     args: Shared, how: ReportOptions,
     files: list[Path] = argument("FILE…", "Any of fit.json, gains.json, replay.h5, data.h5."),
     output: Path = written("report", "Folder that is written."),

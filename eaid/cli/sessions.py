@@ -10,7 +10,7 @@ from eaid.shown import counted
 
 
 @takes
-def command(
+def sessions(
     args: Common, how: SessionsOptions,
     fits: list[Path] = argument("FIT…", "fit.json of each session in order, or one table session,level,value,sd_log."),
     output: Path = written("rig.json"),

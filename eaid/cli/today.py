@@ -10,7 +10,7 @@ from eaid.options import ReadOptions
 
 
 @takes
-def command(
+def today(
     args: Common, reading: ReadOptions,
     rig: Path = argument("RIG", "rig.json of eaid sessions."),
     steps: list[Path] = argument("STEP…", "Logs of one or two steps from rest, recorded in this session."),

@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -14,7 +15,6 @@ import msgspec
 import numpy as np
 
 from eaid.errors import DataError
-from eaid.late import late
 from eaid.logs.table import Cells, Table
 
 LONGEST_S = 60.0  # Time for any file; a second for every megabyte comes on top [s]
@@ -94,7 +94,7 @@ def _tables(reader: str, path: Path, source: str) -> list[Table]:
     """The tables of a file, those of the last one at hand."""
     _bound(path.stat().st_size)
     module, _, function = reader.partition(".")
-    tables: list[Table] = late(f"eaid.logs.foreign.{module}", function)(path, source)
+    tables: list[Table] = getattr(import_module(f"eaid.logs.foreign.{module}"), function)(path, source)
     return tables
 
 
