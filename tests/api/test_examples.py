@@ -28,21 +28,21 @@ ONCE = {name: made_once(getattr(eaid, name)) for name in ("fit", "tune_rc")}
 
 
 @pytest.mark.parametrize("name", WITH_EXAMPLES)
-def test_the_examples_of_the_docstrings_run(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_examples_of_the_docstrings_run(name, monkeypatch):
     for function, kept in ONCE.items():
         monkeypatch.setattr(eaid, function, kept)
     found = doctest.testmod(importlib.import_module(name), optionflags=doctest.ELLIPSIS)
     assert found.failed == 0 and found.attempted > 0
 
 
-def test_every_public_function_and_result_has_an_example() -> None:
+def test_every_public_function_and_result_has_an_example():
     assert [name for name in FUNCTIONS if ">>> " not in getattr(eaid, name).__doc__] == []
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in WITH_EXAMPLES.values()]
     classes = [node for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)]
     assert {one.name for one in classes if ">>> " in (ast.get_docstring(one) or "")} >= RESULTS
 
 
-def value_of(source: str, names: dict[str, Any]) -> Any:
+def value_of(source, names):
     """What a notebook would show below the cell: the value of its last expression."""
     tree = ast.parse(re.sub(r"^%.*$", "", source, flags=re.MULTILINE))
     end = tree.body[-1]
@@ -51,11 +51,11 @@ def value_of(source: str, names: dict[str, Any]) -> Any:
     return None if last is None else eval(compile(last, "tutorial", "eval"), names)
 
 
-def numbers(text: str) -> list[float]:
+def numbers(text):
     return [float(word) for word in re.findall(r"-?\d+\.\d+(?:e-?\d+)?", text)]
 
 
-def test_the_tutorial_shows_what_its_code_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_tutorial_shows_what_its_code_gives(tmp_path, monkeypatch):
     import matplotlib
     import nbformat
 
@@ -73,7 +73,7 @@ def test_the_tutorial_shows_what_its_code_gives(tmp_path: Path, monkeypatch: pyt
     assert (folder := names["folder"]).is_dir() and (folder / "report" / "report.html").is_file()
 
 
-def test_the_readmes_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_readmes_notebook_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1).save("logs")
     block = (ROOT / "README.md").read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]

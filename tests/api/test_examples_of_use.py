@@ -1,8 +1,5 @@
 """Rigs and logs as people have them, and what is made of them: each of these once went wrong."""
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,20 +12,20 @@ from ..conftest import codes
 TAU1, TAU2, RELEASE = 0.4, 3.0, 0.3
 
 
-def frame(t: np.ndarray, u: Any, y: np.ndarray, output: str = "torque_nm") -> pd.DataFrame:
+def frame(t, u, y, output="torque_nm"):
     return pd.DataFrame({"time_s": t, "duty_pct": np.asarray(u, float), output: y})
 
 
-def rise(since: np.ndarray, tau1: float = TAU1, tau2: float = TAU2) -> np.ndarray:
+def rise(since, tau1=TAU1, tau2=TAU2):
     late = np.maximum(since, 0.0)
     return 1 - 0.85 * np.exp(-late / tau1) - 0.15 * np.exp(-late / tau2)
 
 
-def steady(u: float) -> float:
+def steady(u):
     return 5e-4 * u**2 + 0.01 * u
 
 
-def step(u: float, seed: int, hold_s: float = 8.0, tau2: float = TAU2, release_s: float = 0.0) -> pd.DataFrame:
+def step(u, seed, hold_s=8.0, tau2=TAU2, release_s=0.0):
     """A run of 2 s of rest, a hold and a release; 2 % of scatter in its gain, 0.003 N·m of noise."""
     draw, t = np.random.default_rng([seed, int(u)]), np.arange(0.0, 2 + hold_s + release_s, 0.02)
     y = np.where(t < 2 + hold_s, rise(t - 2, tau2=tau2), np.exp(-np.maximum(t - 2 - hold_s, 0) / RELEASE))
@@ -36,7 +33,7 @@ def step(u: float, seed: int, hold_s: float = 8.0, tau2: float = TAU2, release_s
     return frame(t, np.where((t >= 2) & (t < 2 + hold_s), u, 0.0), y)
 
 
-def held(levels: Any, hold_s: float, rate_hz: float, dead_s: float, tau1: float, tau2: float, gain: Any) -> Any:
+def held(levels, hold_s, rate_hz, dead_s, tau1, tau2, gain):
     """Levels held one after the other, and the output that they leave, each rising from the tail of the one before."""
     rows = round(hold_s * rate_hz)
     t = np.arange(rows * len(levels)) / rate_hz
@@ -45,7 +42,7 @@ def held(levels: Any, hold_s: float, rate_hz: float, dead_s: float, tau1: float,
     return t, np.repeat(levels, rows), y
 
 
-def test_a_level_whose_tau2_is_open_keeps_its_torque_and_all_that_follows_goes_on() -> None:
+def test_a_level_whose_tau2_is_open_keeps_its_torque_and_all_that_follows_goes_on():
     levels = (10.0, 32.0, 55.0, 78.0, 100.0)
     fit = eaid.fit({f"u{u:g}r{k}": step(u, k, 1.5 if u == 10 else 8.0) for u in levels for k in range(3)})
     assert fit.verdict.usable
@@ -56,7 +53,7 @@ def test_a_level_whose_tau2_is_open_keeps_its_torque_and_all_that_follows_goes_o
     assert len(eaid.plan(fit, want="Ts=5,tau1=10", check=False).levels) >= 4
 
 
-def test_a_good_log_of_several_levels_is_stopped_by_no_step_that_its_noise_hides() -> None:
+def test_a_good_log_of_several_levels_is_stopped_by_no_step_that_its_noise_hides():
     t, u, y = held((0.0, 40.0, 90.0, 60.0, 62.0, 20.0), 3.0, 20.0, 0.0, TAU1, TAU2, steady)
     noise = lfilter([0.43], [1, -0.9], np.random.default_rng(2).normal(size=t.size))  # remembers 0.5 s
     fit = eaid.fit(frame(t, u, y + 0.06 * noise), ci="none", shape="two")
@@ -65,7 +62,7 @@ def test_a_good_log_of_several_levels_is_stopped_by_no_step_that_its_noise_hides
     assert fit.verdict.usable and "NOT USABLE" not in fit.summary() and eaid.tune_rc(fit).not_usable is None
 
 
-def test_a_heaters_dead_time_is_the_rigs_and_its_loops_keep_their_margins() -> None:
+def test_a_heaters_dead_time_is_the_rigs_and_its_loops_keep_their_margins():
     """Once "an input noted early, do not use", while the single steps had it right."""
     t, u, y = held((0.0, 40.0, 80.0, 20.0, 100.0), 350.0, 0.25, 16.0, 40.0, 200.0, lambda u: 0.35 * u)
     fit = eaid.fit(frame(t, u, y + 0.03 * np.random.default_rng(0).normal(size=t.size), "output (K)"), ci="none")
@@ -80,7 +77,7 @@ def test_a_heaters_dead_time_is_the_rigs_and_its_loops_keep_their_margins() -> N
         assert point.loops["pi"].stable and point.loops["pi"].gain_db >= 6 and point.loops["pi"].phase_deg >= 45
 
 
-def test_small_commands_of_a_closed_loop_are_commands(small_fit: Any, tmp_path: Path) -> None:
+def test_small_commands_of_a_closed_loop_are_commands(small_fit, tmp_path):
     """Once set to 0 before the first above half a percent: 0.3 to 1.3 % off T_s, held by 54 % of its intervals."""
     t = np.arange(0.0, 20.0, 0.01)
     wanted = np.where(t < 1, 0.003 * t, np.repeat([0.3, 1.0, 2.0, 0.6, 3.0, 1.5, 0.2, 2.5, 1.0, 3.5], 200))
@@ -95,7 +92,7 @@ def test_small_commands_of_a_closed_loop_are_commands(small_fit: Any, tmp_path: 
 
 
 @pytest.mark.parametrize("hold_s", [3.0, 5.0, 7.0])  # 1.5, 2.5 and 3.5 τ2
-def test_steps_between_levels_carry_the_tail_of_the_step_before(hold_s: float) -> None:
+def test_steps_between_levels_carry_the_tail_of_the_step_before(hold_s):
     """`change` was held by 11 to 42 % of 95 % intervals at 3.5 τ2."""
     gain = {20.0: 0.6, 50.0: 1.8, 80.0: 2.4, 40.0: 0.4}.__getitem__
     t, u, y = held((20.0, 50.0, 80.0, 40.0), hold_s, 50.0, 0.0, 0.3, 2.0, gain)
@@ -111,7 +108,7 @@ def test_steps_between_levels_carry_the_tail_of_the_step_before(hold_s: float) -
     assert fit.steps[1].tail
 
 
-def test_a_recorded_fit_keeps_its_rig_and_honours_or_refuses_what_is_asked_of_it() -> None:
+def test_a_recorded_fit_keeps_its_rig_and_honours_or_refuses_what_is_asked_of_it():
     t, u, y = held((0.0, 40.0, 80.0, 20.0, 100.0, 60.0), 4.0, 25.0, 0.0, TAU1, TAU2, steady)
     log = frame(t, u, y + 0.003 * np.random.default_rng(0).normal(size=t.size))
     logs = eaid.read(log, apparatus="surfaces=4,sample_rate_hz=250")

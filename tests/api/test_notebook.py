@@ -26,7 +26,7 @@ OPTIONS = {
 
 
 @pytest.mark.parametrize("name", OPTIONS)
-def test_every_option_stands_in_the_signature_with_its_default_and_in_the_help(name: str) -> None:
+def test_every_option_stands_in_the_signature_with_its_default_and_in_the_help(name):
     function, kind = getattr(eaid, name), getattr(eaid, OPTIONS[name])
     shown = inspect.signature(function).parameters
     for option, form in forms(kind).items():
@@ -35,12 +35,12 @@ def test_every_option_stands_in_the_signature_with_its_default_and_in_the_help(n
     assert "keywords" not in shown and "**keywords" not in function.__doc__
 
 
-def test_help_shows_names_where_python_would_show_objects() -> None:
+def test_help_shows_names_where_python_would_show_objects():
     for function in (getattr(eaid, name) for name in (*OPTIONS, "sessions", "compare", "today")):
         assert not re.search(r"<function|object at 0x|-> '", str(inspect.signature(function)))
 
 
-def test_editors_read_the_same_signatures() -> None:
+def test_editors_read_the_same_signatures():
     path = Path(__file__).parents[2] / "docs" / "stub.py"
     spec = importlib.util.spec_from_file_location("stub", path)
     assert spec is not None and spec.loader is not None
@@ -50,7 +50,7 @@ def test_editors_read_the_same_signatures() -> None:
 
 
 @pytest.fixture(scope="module")
-def rig(small_steps: Any, small_fit: Any, small_gains: Any, tmp_path_factory: Any) -> Any:
+def rig(small_steps, small_fit, small_gains, tmp_path_factory):
     """A fit, its gains and a replay, in memory and as files."""
     folder = tmp_path_factory.mktemp("notebook")
     run = eaid.simulate(small_fit, small_gains, "multisine", duration=3.0)
@@ -64,52 +64,53 @@ def rig(small_steps: Any, small_fit: Any, small_gains: Any, tmp_path_factory: An
     ]
     return SimpleNamespace(
         steps=small_steps, fit=small_fit, gains=small_gains, run=run, folder=folder, frames=frames,
-        top=eaid.fit(small_steps, model="linear"),
+        top=eaid.fit(small_steps, model="linear"), free=eaid.fit(small_steps, share="free", ci="none"),
+        curves=eaid.fit(small_steps, model="friction", ci="none"),
     )  # fmt: skip
 
 
-def of_means(rig: Any, model: str = "nonlinear") -> tuple[np.ndarray, np.ndarray]:
+def of_means(rig, model="nonlinear"):
     """Averages of the repeats and what a model makes of them, worked out by `predict`."""
     fitted = [rig.fit.predict(one.level, one.time_s, model).to_numpy()[:, 0] for one in rig.steps.levels]
     return np.concatenate([one.mean for one in rig.steps.levels]), np.concatenate(fitted)
 
 
-def likelihood(rig: Any) -> tuple[float, int]:
+def likelihood(rig):
     """log L and n as statsmodels has them."""
     y, fitted = of_means(rig)
     n, sse = len(y), ((y - fitted) ** 2).sum()
     return -n / 2 * math.log(2 * math.pi) - n / 2 * math.log(sse / n) - n / 2, n
 
 
-def r2(rig: Any) -> float:
+def r2(rig):
     y, fitted = of_means(rig)
     return 1 - ((y - fitted) ** 2).sum() / ((y - y.mean()) ** 2).sum()
 
 
-def se_of_a0(rig: Any) -> float:
+def se_of_a0(rig):
     from scipy import stats
 
     (row,) = (one for one in rig.fit.parameters if (one.model, one.name, one.level) == ("linear", "a0", None))
     return (row.high - row.low) / 2 / stats.t.ppf(0.975, row.dof)
 
 
-def arrays(rig: Any, k: int = 0) -> list[np.ndarray]:
+def arrays(rig, k=0):
     return [rig.frames[k][name].to_numpy() for name in ("time_s", "duty_pct", "torque_nm")]
 
 
-def wave(t: float) -> float:
+def wave(t):
     return 1.0 + 0.2 * math.sin(t)
 
 
-def proportional(_t: float, reference: float, output: float) -> float:
+def proportional(_t, reference, output):
     return 30.0 * (reference - output)
 
 
-def errors(run: Any) -> list[float | None]:
+def errors(run):
     return [one.rms_error_nm for one in run.metrics().values()]
 
 
-def by_hand(rig: Any) -> float:
+def by_hand(rig):
     """The RMS error of a proportional controller, sample by sample."""
     from eaid.plant.dynamics import plant_numbers, plant_step
 
@@ -134,6 +135,11 @@ GIVES: Calls = {
     "aic of a file": (lambda r: eaid.load(r.folder / "fit.json").aic, lambda r: r.fit.aic),
     "k of the linear model": (
         lambda r: (r.top.bic - r.top.aic) / (math.log(r.top.nobs) - 2), lambda _: 3.0),
+    "k of a free share": (
+        lambda r: r.free.bic - r.free.aic, lambda r: (FREE + 1) * (math.log(r.free.nobs) - 2)),
+    "k of friction curves": (
+        lambda r: r.curves.bic - r.curves.aic, lambda r: 9 * (math.log(r.curves.nobs) - 2)),
+    "rmse": (lambda r: r.fit.rmse, lambda r: np.sqrt(np.mean(np.square(np.subtract(*of_means(r)))))),
     "nobs": (lambda r: r.fit.nobs, lambda r: sum(len(one.time_s) for one in r.steps.levels)),
     "resid": (lambda r: r.fit.resid.to_numpy(), lambda r: np.subtract(*of_means(r))),
     "fittedvalues": (lambda r: r.fit.fittedvalues.to_numpy(), lambda r: of_means(r)[1]),
@@ -201,7 +207,7 @@ GIVES: Calls = {
 
 
 @pytest.mark.parametrize("call", GIVES)
-def test_a_notebook_gets(call: str, rig: Any) -> None:
+def test_a_notebook_gets(call, rig):
     typed, wanted = GIVES[call]
     value, right = typed(rig), wanted(rig)
     if isinstance(right, float | np.ndarray) or (isinstance(right, list) and not isinstance(right[0], str)):
@@ -232,6 +238,7 @@ WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {
     "a file of gains for a fit": (
         lambda r: eaid.tune_rc(r.folder / "gains.json"), UsageError, "gains.json holds Gains; give what eaid.fit"),
     "a fit for gains": (lambda r: eaid.simulate(r.fit, r.fit), UsageError, "gains: is a Fit; give what eaid.tune_rc"),
+    "residuals of a file": (lambda r: eaid.load(r.folder / "fit.json").residuals, DataError, "fit again"),
     "no such file": (lambda _: eaid.tune_rc("nowhere.json"), DataError, "nowhere.json: no such file"),
     "a text for axes": (lambda r: r.fit.plot("duty"), UsageError, "ax= 'duty': is no matplotlib Axes"),
     "a frame to plot": (lambda r: eaid.plot(r.frames[0]), UsageError, "result: is a DataFrame"),
@@ -255,14 +262,14 @@ WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {
 
 
 @pytest.mark.parametrize("call", WRONG)
-def test_a_wrong_call_is_one_sentence(call: str, rig: Any) -> None:
+def test_a_wrong_call_is_one_sentence(call, rig):
     made, error, said = WRONG[call]
     with pytest.raises(error, match=re.escape(said)) as raised:
         made(rig)
     assert len(str(raised.value)) < 300 and "\n" not in str(raised.value)
 
 
-def test_python_control_gets_the_plant(rig: Any) -> None:
+def test_python_control_gets_the_plant(rig):
     control = pytest.importorskip("control")
     plant = rig.fit.plant.to_control(at=60)
     (tau1, tau2), poles = rig.fit.plant.time_constants(60.0), sorted(plant.poles().real)
@@ -274,7 +281,7 @@ def test_python_control_gets_the_plant(rig: Any) -> None:
 SHELL = re.compile(r"(^|\s)--[a-z]|eaid (fit|tune-rc|ingest|simulate|report|plan|export)\b")
 
 
-def test_advice_in_a_notebook_is_python(rig: Any) -> None:
+def test_advice_in_a_notebook_is_python(rig):
     poor = eaid.fit([rig.frames[0]], ci="none")
     told = [poor.summary(), rig.fit.summary(), rig.gains.summary(), rig.run.summary(), *poor.warnings]
     assert [text for text in told if SHELL.search(text)] == []

@@ -61,11 +61,9 @@ def test_the_three_gravest_findings_come_first_and_rows_that_were_dropped_are_al
         "warning: b.json: its linear has no a0 and is left out",
         "note: a.json: another program has written it anew: its digest no longer fits and is passed over (and 1 more)",
     ]
-    others = [
-        finding("level-contradicted", "x", level=1.0, found=2.0, unit="V"),
-        finding("columns-by-place", "x", order="t, u"),
-    ]
-    many = [left_out, *others, anew, finding("rows-dropped", "a.csv", dropped=14, count=100)]
+    contradicted = finding("level-contradicted", "x", level=1.0, found=2.0, unit="V")
+    others = [contradicted, finding("columns-by-place", "x", order="t, u"), anew]
+    many = [left_out, *others, finding("rows-dropped", "a.csv", dropped=14, count=100)]
     console.tell(many)
     told = capsys.readouterr().err.splitlines()
     assert "warning: --repair dropped 14 of 100 rows" in told and "and 1 more: --verbose shows all" in told
@@ -114,8 +112,7 @@ def test_progress_is_a_bar_on_a_terminal_and_now_and_then_a_line_elsewhere(termi
 def test_every_table_fits_the_terminal(name, rig, terminal, run_eaid):
     """And holds the words that stand there without a terminal."""
     more = {
-        "ingest": "logs", "fit": "data.h5 --ci white -v", "tune-rc": "fit.json -v",
-        "plan": "fit.json --no-check",
+        "ingest": "logs", "fit": "data.h5 --ci white -v", "tune-rc": "fit.json -v", "plan": "fit.json --no-check",
         "simulate": "fit.json --gains gains.json --scenario steps --duration 8",
         "couple": "fit.json --torque 1 --no-replay",
     }[name]  # fmt: skip

@@ -2,6 +2,7 @@
 
 import re
 import signal
+from functools import partial
 
 import pytest
 
@@ -10,39 +11,18 @@ from eaid import DataError, GainsError, UsageError
 from eaid.cli import main
 
 COMMANDS = [
-    "ingest",
-    "fit",
-    "tune-rc",
-    "simulate",
-    "export",
-    "report",
-    "synth",
-    "couple",
-    "compare",
-    "sessions",
-    "today",
-    "plan",
-    "demo",
-]
+    "ingest", "fit", "tune-rc", "simulate", "export", "report", "synth", "couple", "compare", "sessions", "today",
+    "plan", "demo",
+]  # fmt: skip
 OPTIONS = {
-    "fit": "model kind levels share loss hold-out ci baseline estimator columns units name-pattern step-at until rest "
-    "repair logs-as duty bounds-levels dead-time shape follow against plan",
-    "ingest": "columns units name-pattern step-at until baseline rest repair rate-hz kind",
-    "tune-rc": "kp kd natural-frequency damping q-max phi epsilon gamma p-scale b-hat rho pi-overshoot "
-    "pi-settling pi-gains reference duty-limits pwm-hz anyway",
-    "simulate": "gains controller scenario reference log noise-nm pwm-hz plants duration rate-hz "
-    "delay-samples limb-damping",
-    "export": "as law precision rate-hz anyway",
-    "report": "figures format",
-    "synth": "plant kind levels repeats duty-file excitation shape noise-nm clean hold idle release rate-hz",
+    "fit": "follow against plan",
+    "report": "figures format tables",
     "couple": "gains loops torque wall limb-inertia limb-damping virtual-damping delay-samples",
-    "plan": "want excitation limits idle release longest-hold most-levels",
     "compare": "gains controller plants columns units",
     "sessions": "reference-level terms",
     "today": "columns units name-pattern step-at until rest repair",
-    "demo": "",
 }
-"""Options that scripts use, besides those of all commands."""
+"""Options that scripts use, besides those of all commands and of the contract, which `tests/test_docs.py` looks for."""
 WORDS = {
     "fit": "friction nonlinear linear clutch friction-force friction-speed squares huber robust bootstrap white none "
     "auto joint free first steps recorded",
@@ -73,7 +53,7 @@ def test_help_has_the_options_their_words_and_one_example(name, run_eaid):
     assert ran.code == 0 and f"Usage: eaid {name}" in ran.out and ran.out.count(f"Example: eaid {name}") == 1
     flags = set(re.findall(r"--[a-z][a-z-]*", ran.out))
     common = ["output", "json", "quiet", "verbose", "force", "help", *(["seed"] if name in SEEDED else [])]
-    assert {f"--{one}" for one in (*OPTIONS[name].split(), *common)} <= flags
+    assert {f"--{one}" for one in (*OPTIONS.get(name, "").split(), *common)} <= flags
     shown = set(re.split(r"[\s│,.|]+", ran.out))
     assert set(WORDS.get(name, "").split()) <= shown
     assert max(map(ord, ran.out)) < 0x1F000  # in Markdown 20:100:20 is 20, a hundred-points sign, and 20
@@ -120,11 +100,7 @@ def _into_another_failure():
 
 @pytest.mark.parametrize(
     "command",
-    [
-        lambda: signal.raise_signal(signal.SIGINT),
-        lambda: signal.raise_signal(signal.SIGTERM),
-        _into_another_failure,
-    ],
+    [*(partial(signal.raise_signal, number) for number in (signal.SIGINT, signal.SIGTERM)), _into_another_failure],
 )
 def test_a_signal_is_never_lost(command, run_eaid, monkeypatch):
     before = signal.getsignal(signal.SIGTERM)

@@ -120,9 +120,8 @@ def test_an_earlier_result_is_left_alone(line, rig, run_eaid, held):
     ran = run_eaid(line)
     told = [one for one in ran.err.splitlines() if one.startswith("error: ")]
     assert ran.code == 2 and len(told) == 1
-    assert told[0].startswith(
-        f"error: {earlier if out.suffix or 'report' in line else out}: exists already; give --force"
-    )
+    named = earlier if out.suffix or "report" in line else out
+    assert told[0].startswith(f"error: {named}: exists already; give --force")
     assert held(rig) == before
 
 

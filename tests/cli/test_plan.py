@@ -26,9 +26,8 @@ def test_plan_and_its_duty_file(by_hand, run_eaid):
     assert {float(row["release_s"]) for row in rows} == {float(row["idle_s"]) for row in rows} == {10.0}
     breaks = list(csv.DictReader(Path("plan.duty.csv").read_text().splitlines()))
     assert float(breaks[-1]["time_s"]) == pytest.approx(told["time_on_rig_s"]) and breaks[-1]["duty_pct"] == "0"
-    assert sum(float(row[name]) for row in rows for name in ("idle_s", "hold_s", "release_s")) == pytest.approx(
-        told["time_on_rig_s"]
-    )
+    took = sum(float(row[name]) for row in rows for name in ("idle_s", "hold_s", "release_s"))
+    assert took == pytest.approx(told["time_on_rig_s"])
     assert f"plan.csv, plan.duty.csv: {len(rows)} runs" in ran.err
     short = planned(run_eaid, "--no-check --want Ts=4 --idle 2 --release 3 --longest-hold 20 --most-levels 5")
     rows = list(csv.DictReader(Path("plan.csv").read_text().splitlines()))
@@ -48,13 +47,7 @@ def test_the_synthesised_widths_keep_what_was_wanted(by_hand, run_eaid):
     assert told["measured_half_width_pct"]["tau2"] <= 12 and told["measured_half_width_pct"]["Ts"] <= 4
 
 
-ONE_LEVEL = {
-    "code": "one-level-nonlinear",
-    "severity": "caution",
-    "subject": "nonlinear",
-    "levels": [40.0],
-    "values": {},
-}
+ONE_LEVEL = {"code": "one-level-nonlinear", "severity": "caution", "subject": "nonlinear", "levels": [40.0]}
 
 
 @pytest.mark.parametrize(

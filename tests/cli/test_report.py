@@ -24,10 +24,8 @@ def _here(tmp_path, monkeypatch):
 
 def test_page_and_figures_are_written_and_named(run_eaid):
     ran = run_eaid("report fit.json -o deep/report")
-    assert (ran.code, ran.out) == (
-        0,
-        "",
-    ) and "deep/report/report.html: 1 figure; next: open it in a browser" in ran.err
+    assert (ran.code, ran.out) == (0, "")
+    assert "deep/report/report.html: 1 figure; next: open it in a browser" in ran.err
     made = sorted(path.name for path in Path("deep/report").rglob("*") if path.is_file())
     assert made == ["fig04_friction_over_stress.png", "report.html"]
     Path("deep/report/report.html").write_text("mine")

@@ -46,12 +46,9 @@ def test_the_paper_s_linear_model_gives_the_paper_s_gains(by_hand, run_eaid):
     assert len((ran.out + ran.err).splitlines()) <= 15 and re.search(r"^PI +K_P 157, K_I 253 ", ran.out, re.M)
     ran = run_eaid("tune-rc fit.json -o g.json --force --verbose")
     assert re.search(r"^ρ, constant +10\.81 ", ran.out, re.M) and re.search(r"^ρ, slope +6\.586 ", ran.out, re.M)
-    assert "phase margin (°)" in ran.out
-    assert "published" in ran.out  # on the paper's rig
+    assert "phase margin (°)" in ran.out and "published" in ran.out  # on the paper's rig
     assert ran.err.splitlines()[-1] == "g.json: gains of rc and pi; next: eaid simulate fit.json g.json"
-    assert codes(gains) == {
-        "rho-not-covered", "nothing-to-replay-on", "for-this-mounting",
-    }  # fmt: skip
+    assert codes(gains) == {"rho-not-covered", "nothing-to-replay-on", "for-this-mounting"}
     assert gains["guarantee"]["holds"] is False
     assert {one["name"]: one["holds"] for one in gains["guarantee"]["conditions"]} == {
         "rho": False, "phi": None, "range": None, "Q_M": None, "duty-limit": None, "duty-floor": None, "sampling": True,
@@ -104,13 +101,8 @@ def test_a_linear_model_of_no_rig_is_refused(linear, sentence, by_hand, run_eaid
 )
 def test_a_plant_that_cannot_be_is_refused_by_all_that_use_it(changes, sentence, by_hand, run_eaid):
     by_hand({"nonlinear": {**PLANT, **changes}})
-    for line in (
-        "tune-rc fit.json -o x",
-        "simulate fit.json --controller inverse",
-        "couple fit.json",
-        "export fit.json",
-    ):
-        ran = run_eaid(line)
+    for words in ("tune-rc fit.json", "simulate fit.json --controller inverse", "couple fit.json", "export fit.json"):
+        ran = run_eaid(f"{words} -o x")
         assert ran.code == 3 and sentence in ran.err and ran.err.count("error: ") == ran.err.count("\n") == 1
 
 

@@ -58,12 +58,8 @@ def test_every_excitation_is_that_of_the_same_rig_in_percent(kind, rig_of, run_e
     for factor, unit in ((0.03, "V"), (1.0, "%")):
         rig_of(factor, unit, release={"tau1": 0.2, "tau2": 1.0})
         shape = {"chirp": "", "random": ",hold_s=0.5:4,rest_s=3"}.get(kind, ",hold_s=0.5:4")
-        assert (
-            run_eaid(
-                f"synth --plant fit.json --excitation {kind} --shape duration_s=60{shape} --rate-hz 100 -q -o {unit}"
-            ).code
-            == 0
-        )
+        words = f"--plant fit.json --excitation {kind} --shape duration_s=60{shape} --rate-hz 100 -q -o {unit}"
+        assert run_eaid(f"synth {words}").code == 0
         head, rows = columns_of(unit)
         assert head.split(",")[1] == ("input (V)" if unit == "V" else "duty_pct")
         tables.append(rows)

@@ -8,11 +8,11 @@ from eaid import errors, findings
 from eaid.findings.sentences import SENTENCES
 
 
-def made(code: str, subject: str = "run", **values: object) -> findings.Finding:
+def made(code, subject="run", **values):
     return findings.finding(code, subject, **values)  # type: ignore[arg-type]
 
 
-def test_the_table_gives_severity_and_sentence() -> None:
+def test_the_table_gives_severity_and_sentence():
     one = findings.finding("unsettled-before-step", "a", levels=(20, 30.5), share_pct=12.3)
     assert one == findings.Finding("unsettled-before-step", "stop", "a", (20.0, 30.5), {"share_pct": 12.3})
     assert "from 20 and 30.5, by 12 % of" in findings.say(one)
@@ -27,14 +27,14 @@ def test_the_table_gives_severity_and_sentence() -> None:
     )
 
 
-def test_the_worst_of_a_code_stands_for_all() -> None:
+def test_the_worst_of_a_code_stands_for_all():
     gaps = [made("gap", f"run {k}", gap_s=size, at_s=0.0, sample_s=0.01) for k, size in enumerate((0.1, -0.9, 0.3))]
     (one,) = findings.merged(gaps)
     assert (one.subject, one.values["others"]) == ("run 1", 2)
     assert findings.say(one).endswith("(and 2 more)")
 
 
-def test_the_gravest_come_first_and_what_the_numbers_mean_before_what_follows_from_it() -> None:
+def test_the_gravest_come_first_and_what_the_numbers_mean_before_what_follows_from_it():
     found = [
         made("input-negative", "x"), made("gap", "y", gap_s=1.0, at_s=0.0, sample_s=0.01),
         made("spikes", "z", samples=1, value=1.0, unit="V", at_s=0.0),
@@ -45,7 +45,7 @@ def test_the_gravest_come_first_and_what_the_numbers_mean_before_what_follows_fr
     assert [one.code for one in findings.stops(found)] == ["spikes"]
 
 
-def test_what_a_finding_covers_is_not_told_beside_it() -> None:
+def test_what_a_finding_covers_is_not_told_beside_it():
     found = [
         findings.finding("one-level-linear", "linear", levels=(50,)),
         made("one-level-nonlinear", "nonlinear"),
@@ -55,14 +55,14 @@ def test_what_a_finding_covers_is_not_told_beside_it() -> None:
     assert codes == ["other-shape-fits-better", "one-level-nonlinear"]
 
 
-def test_a_code_without_a_row_is_a_bug_where_it_is_made_and_is_said_as_it_is_where_it_is_read() -> None:
+def test_a_code_without_a_row_is_a_bug_where_it_is_made_and_is_said_as_it_is_where_it_is_read():
     with pytest.raises(KeyError):
         made("no-such-code")
     assert findings.say(findings.Finding("from-a-later-version", "note", "x")) == "from-a-later-version"
 
 
 @pytest.mark.parametrize("code", SENTENCES)
-def test_every_row_is_well_formed(code: str) -> None:
+def test_every_row_is_well_formed(code):
     row = SENTENCES[code]
     assert code == code.lower() and " " not in code and row.severity in ("stop", "caution", "note")
     assert set(row.covers) <= SENTENCES.keys()
@@ -83,6 +83,6 @@ SAID = {
 
 
 @pytest.mark.parametrize("case", SAID)
-def test_sentences_that_count_list_or_leave_out(case: str) -> None:
+def test_sentences_that_count_list_or_leave_out(case):
     values, said = SAID[case]
     assert said in findings.say(made(case.strip(), **values))

@@ -10,7 +10,7 @@ import re
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,13 +25,13 @@ from eaid.cli.main import run
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome", "msedge")
 
 
-def call(*arguments: object) -> int:
+def call(*arguments):
     """One command, its tables not shown."""
     with contextlib.redirect_stdout(io.StringIO()):
         return run([str(argument) for argument in arguments])
 
 
-def words(node: ET.Element | None) -> str:
+def words(node):
     return "" if node is None else re.sub(r"\s+", " ", "".join(node.itertext())).strip()
 
 
@@ -99,10 +99,10 @@ class Page:
 
 
 @pytest.fixture(scope="session")
-def report(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Page]:
+def report(tmp_path_factory):
     """`report(files…, "--figures", …)`: the page that the command writes of some files."""
 
-    def made(*given: object) -> Page:
+    def made(*given):
         folder = tmp_path_factory.mktemp("made") / "report"
         assert call("report", *given, "-o", folder, "-q") == 0
         return Page(folder / "report.html")
@@ -111,10 +111,10 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Page]:
 
 
 @pytest.fixture(scope="session")
-def report_of(report: Callable[..., Page], tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Page]:
+def report_of(report, tmp_path_factory):
     """`report_of({…}, {…})`: the page of results written as JSON, without figures but those named."""
 
-    def made(*results: dict[str, Any], figures: str = "own_reference", more: tuple[str, ...] = ()) -> Page:
+    def made(*results, figures="own_reference", more=()):
         folder = tmp_path_factory.mktemp("json")
         paths = []
         for k, one in enumerate(results):
@@ -126,10 +126,10 @@ def report_of(report: Callable[..., Page], tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture(scope="session")
-def replay_file() -> Callable[..., Path]:
+def replay_file():
     """A replay by the contract alone: three samples of the controllers in `metrics`, with `columns` instead."""
 
-    def made(path: Path, metrics: dict[str, Any], columns: dict[str, Any] | None = None, **head: Any) -> Path:
+    def made(path, metrics, columns=None, **head):
         held = {"time_s": [0.0, 1.0, 2.0], "reference_nm": np.ones(3), "torque_nm": [0.0, 0.5, 0.75],
                 "duty_pct": np.zeros(3), **(columns or {})}  # fmt: skip
         with h5py.File(path, "w") as file:
@@ -145,13 +145,13 @@ def replay_file() -> Callable[..., Path]:
 
 
 @pytest.fixture(scope="session")
-def whole(page: Path) -> Page:
+def whole(page):
     """The page of all files."""
     return Page(page)
 
 
 @pytest.fixture(scope="session")
-def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def files(tmp_path_factory):
     """Name → file: data, fits, gains and replays of small synthetic sets."""
     folder = tmp_path_factory.mktemp("results")
     made: dict[str, Path] = {}
@@ -178,7 +178,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="session")
-def page(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def page(files, tmp_path_factory):
     """The page of all of them."""
     folder = tmp_path_factory.mktemp("page") / "report"
     assert call("report", *files.values(), "-o", folder, "-q") == 0
@@ -186,7 +186,7 @@ def page(files: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Pa
 
 
 @pytest.fixture(scope="session")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recorded(tmp_path_factory):
     """The fit of a log of each kind, as they were recorded."""
     folder = tmp_path_factory.mktemp("recorded")
     logs = [folder / kind for kind in ("random", "staircase", "chirp", "closed-loop")]
@@ -198,7 +198,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def others(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Path]]:
+def others(recorded, tmp_path_factory):
     """Name → files: logs as recorded, steps from level to level."""
     folder = tmp_path_factory.mktemp("others")
     made = {"recorded": [recorded], "staircase": [folder / "staircase.json", folder / "staircase.h5"]}
@@ -210,7 +210,7 @@ def others(recorded: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
 
 
 @pytest.fixture(scope="session")
-def long(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+def long(tmp_path_factory):
     """A marked fit of long names, its data, gains and replay."""
     folder = tmp_path_factory.mktemp("long")
     logs = folder / "long"
@@ -229,7 +229,7 @@ def long(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser():
     """Headless Chromium through Playwright; the tests that want it are skipped where it is not installed."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -243,10 +243,10 @@ def browser() -> Iterator[Any]:
 
 
 @pytest.fixture(scope="session")
-def printed() -> Callable[..., list[str]]:
+def printed():
     """The text of each printed page of a tab; of none where there is no pdftotext."""
 
-    def pages(tab: Any, folder: Path) -> list[str]:
+    def pages(tab, folder):
         tab.emulate_media(media="print")
         tab.pdf(path=folder / "page.pdf", prefer_css_page_size=True, print_background=True)
         if (reader := shutil.which("pdftotext")) is None:

@@ -2,8 +2,6 @@
 
 import io
 import re
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,9 +9,7 @@ from PIL import Image
 
 pytestmark = pytest.mark.slow
 
-PLOTS = {
-    "fig07_nonlinear_model", "fig03_friction_steps", "fig12_multisine", "fig11_steps", "fig16_rehab",
-}  # fmt: skip
+PLOTS = {"fig07_nonlinear_model", "fig03_friction_steps", "fig12_multisine", "fig11_steps", "fig16_rehab"}
 WALK = """const every = node => [...node.querySelectorAll('*')].flatMap(
   one => [one, ...(one.shadowRoot ? every(one.shadowRoot) : [])]);"""
 """All elements below a node, those inside shadow roots too."""
@@ -33,7 +29,7 @@ TOOLTIP = f"""() => {{ {WALK}
 """Text of the tooltips that are shown."""
 
 
-def opened(browser: Any, page: Path, **options: Any) -> tuple[Any, list[str], list[str]]:
+def opened(browser, page, **options):
     """The page in a tab of its own, with what it complained of and what it asked for."""
     context = browser.new_context(**options)
     context.set_offline(True)
@@ -51,7 +47,7 @@ def opened(browser: Any, page: Path, **options: Any) -> tuple[Any, list[str], li
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 380])
-def test_every_figure_is_drawn_without_error_or_request(browser: Any, page: Path, width: int, scheme: str):
+def test_every_figure_is_drawn_without_error_or_request(browser, page, width, scheme):
     tab, faults, requests = opened(browser, page, viewport={"width": width, "height": 900}, color_scheme=scheme)
     assert faults == []
     assert [url for url in requests if not url.startswith(("data:", page.as_uri()))] == []
@@ -69,7 +65,7 @@ def test_every_figure_is_drawn_without_error_or_request(browser: Any, page: Path
     tab.context.close()
 
 
-def test_a_pointer_zooms_reads_a_value_off_and_copies_and_a_finger_scrolls(browser: Any, page: Path):
+def test_a_pointer_zooms_reads_a_value_off_and_copies_and_a_finger_scrolls(browser, page):
     zooming = "Bokeh.documents[0].roots()[0].toolbar.tools.find(tool => tool.type === 'BoxZoomTool').active"
     tab, faults, _requests = opened(browser, page, viewport={"width": 1280, "height": 900})
     assert tab.evaluate(zooming) is True
@@ -95,14 +91,13 @@ def test_a_pointer_zooms_reads_a_value_off_and_copies_and_a_finger_scrolls(brows
         values |= set(re.findall(r"value: (\S+)", tab.evaluate(TOOLTIP)))
     assert any(value.startswith("−0.") for value in values) and not any("-" in value for value in values)
     tab.context.close()
-    tab, faults, _requests = opened(
-        browser, page, viewport={"width": 380, "height": 800}, has_touch=True, is_mobile=True
-    )
+    phone = {"viewport": {"width": 380, "height": 800}, "has_touch": True, "is_mobile": True}
+    tab, faults, _requests = opened(browser, page, **phone)
     assert tab.evaluate(zooming) is False and faults == []
     tab.context.close()
 
 
-def test_without_scripts_and_on_paper_the_static_figures_stand_in(browser: Any, page: Path):
+def test_without_scripts_and_on_paper_the_static_figures_stand_in(browser, page):
     still = "[...document.querySelectorAll('.has-live')].filter(one => !one.closest('details'))"
     visible = f"{still}.filter(one => one.querySelector('img').checkVisibility()).length"
     tab, _faults, _requests = opened(browser, page, java_script_enabled=False)
@@ -116,7 +111,7 @@ def test_without_scripts_and_on_paper_the_static_figures_stand_in(browser: Any, 
     tab.context.close()
 
 
-def wrong_for_assistive_technology(browser: Any, page: Path, scheme: str, width: int) -> list[tuple[str, Any]]:
+def wrong_for_assistive_technology(browser, page, scheme, width):
     """Rules of axe that the unfolded page breaks, and where."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
     # bypass_csp only lets the checker itself in; the page's policy is tested above.
@@ -132,7 +127,7 @@ def wrong_for_assistive_technology(browser: Any, page: Path, scheme: str, width:
 
 
 @pytest.fixture(scope="module")
-def other_pages(others: dict[str, list[Path]], long: list[Path], report: Any) -> dict[str, Path]:
+def other_pages(others, long, report):
     return {name: report(*given).path for name, given in {**others, "long": long}.items()}
 
 
@@ -145,15 +140,7 @@ BOTTOM = "one => document.querySelector(one).getBoundingClientRect().bottom"
 @pytest.mark.parametrize(("width", "height", "tallest"), [(1280, 900, 12_000), (380, 800, 18_000)])
 @pytest.mark.parametrize("name", ["all", "recorded", "staircase", "long"])
 def test_every_page_is_short_answers_first_and_serves_assistive_technology(
-    browser: Any,
-    page: Path,
-    other_pages: dict[str, Path],
-    name: str,
-    width: int,
-    height: int,
-    tallest: int,
-    printed: Any,
-    tmp_path: Path,
+    browser, page, other_pages, name, width, height, tallest, printed, tmp_path
 ):
     shown, wide = (page if name == "all" else other_pages[name]), width == 1280
     assert shown.stat().st_size < 4e6
@@ -178,7 +165,7 @@ def test_every_page_is_short_answers_first_and_serves_assistive_technology(
     assert wrong_for_assistive_technology(browser, shown, "light" if wide else "dark", width) == []
 
 
-def test_print_is_summary_and_figures_on_eight_pages(browser: Any, page: Path, printed: Any, tmp_path: Path):
+def test_print_is_summary_and_figures_on_eight_pages(browser, page, printed, tmp_path):
     tab, _faults, _requests = opened(browser, page)
     tab.emulate_media(media="print")
     assert tab.evaluate("getComputedStyle(document.querySelector('.lights .care')).backgroundColor") != "rgb(0, 0, 0)"

@@ -1,10 +1,7 @@
 """Figures of results: their letters and units, and what is drawn of numbers that are known."""
 
 import re
-from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,7 +18,7 @@ from ..conftest import PLANT, loaded
 T = np.linspace(0, 20, 401)
 
 
-def drawn(name: str, *results: Any) -> Any:
+def drawn(name, *results):
     """A figure of the catalogue with its words; None where its data were not given."""
     (row,) = [one for one in FIGURES if one.name == name]
     sheet = row.sheet(gathered(results))
@@ -29,13 +26,13 @@ def drawn(name: str, *results: Any) -> Any:
         return sheet and SimpleNamespace(figure=figure_of(sheet), sees=row.sees, title=row.title)
 
 
-def response(u: float, t: np.ndarray = T) -> np.ndarray:
+def response(u, t=T):
     """Eqs. (4)–(7) of that plant."""
     tau1, tau2, steady = (np.polynomial.polynomial.polyval(u, PLANT[key]) for key in ("tau1", "tau2", "Ts"))
     return steady * (1 - 0.85 * np.exp(-t / tau1) - 0.15 * np.exp(-t / tau2))
 
 
-def steps_of(outputs: dict[float, np.ndarray], t: np.ndarray = T) -> "eaid.StepSet":
+def steps_of(outputs, t=T):
     """Steps from rest after two seconds."""
     idle = np.arange(-2, 0, t[1])
     frames = {
@@ -48,20 +45,18 @@ def steps_of(outputs: dict[float, np.ndarray], t: np.ndarray = T) -> "eaid.StepS
     return eaid.read(frames)
 
 
-def fit_of(**parts: Any) -> "eaid.Fit":
+def fit_of(**parts):
     """A fit as a script may write it."""
     return loaded({"schema": "eaid/fit/2", **parts})
 
 
 @pytest.fixture(scope="module")
-def given(files: dict[str, Path], others: dict[str, list[Path]], tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
+def given(files, others, tmp_path_factory):
     """Results that together show every figure."""
     fit, gains = eaid.load(files["clutch.json"]), eaid.load(files["gains.json"])
     reference = pd.DataFrame({"time_s": [0.0, 1.0, 3.0], "reference_nm": [0.0, 1.0, 1.0]})
     reference.to_csv(path := tmp_path_factory.mktemp("own") / "mine.csv", index=False)
-    more = [
-        eaid.simulate(fit, gains, log=files["clutch.h5"]), eaid.simulate(fit, gains, reference=path),
-    ]  # fmt: skip
+    more = [eaid.simulate(fit, gains, log=files["clutch.h5"]), eaid.simulate(fit, gains, reference=path)]
     return [
         [*map(eaid.load, files.values()), *more],
         *([eaid.load(path) for path in others[name]] for name in ("recorded", "staircase")),
@@ -70,7 +65,7 @@ def given(files: dict[str, Path], others: dict[str, list[Path]], tmp_path_factor
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [row.name for row in FIGURES if not row.name.startswith("sessions")])
-def test_letters_are_whole_units_are_named_and_widths_are_a_journals(name: str, given: list[Any]):
+def test_letters_are_whole_units_are_named_and_widths_are_a_journals(name, given):
     ready = next(filter(None, (drawn(name, *results) for results in given)))
     figure = ready.figure
     with look():
@@ -135,7 +130,7 @@ def test_the_linear_model_is_not_drawn_below_zero():
 
 
 @pytest.mark.parametrize("unit", ["N", "N·m"])
-def test_friction_over_stress_has_a_coefficient_of_friction_where_the_output_is_a_torque(unit: str):
+def test_friction_over_stress_has_a_coefficient_of_friction_where_the_output_is_a_torque(unit):
     """C_f = 3 T_s/(2π σ (r2³ − r1³)) of one surface, Eq. (1): 10 kPa and 1 N·m of the usual rig give 0.3142."""
     ends = {"Ts": [0.9, 1.1], "tau1": None, "tau2": None}
     rows = [
@@ -155,7 +150,7 @@ def test_friction_over_stress_has_a_coefficient_of_friction_where_the_output_is_
 
 
 @pytest.mark.parametrize("count", [14, 30])
-def test_of_many_levels_some_are_named_and_the_table_is_folded(count: int, tmp_path: Path):
+def test_of_many_levels_some_are_named_and_the_table_is_folded(count, tmp_path):
     steps = eaid.synth(levels=tuple(np.linspace(10, 100, count)), repeats=1, rate_hz=10.0, hold_s=5.0, clean=True)
     figure = drawn("fig07_nonlinear_model", steps).figure
     assert [one.get_text() for one in figure.axes[0].texts][::13] == ["10 %", "100 %"]
@@ -166,7 +161,7 @@ def test_of_many_levels_some_are_named_and_the_table_is_folded(count: int, tmp_p
 
 
 @pytest.mark.slow
-def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it(others: dict[str, list[Path]]):
+def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it(others):
     fit, steps = map(eaid.load, others["staircase"])
     ready = drawn("level_steps", fit, steps)
     lines = [line.get_ydata() for line in ready.figure.axes[0].lines if len(line.get_xdata()) > 2]
@@ -177,7 +172,7 @@ def test_a_step_is_drawn_with_the_curve_that_was_fitted_to_it(others: dict[str, 
     assert np.max(np.abs(apart)) < 0.05 * size and len(shown) == min(len(fit.steps), 12)
 
 
-def test_walls_have_their_table(files: dict[str, Path], tmp_path: Path, report: Callable[..., Any]):
+def test_walls_have_their_table(files, tmp_path, report):
     coupling = eaid.couple(eaid.load(files["clutch.json"]), eaid.load(files["gains.json"]), torque=(1.0,), replay=False)
     coupling.save(tmp_path / "couple.json")
     page = report(files["clutch.json"], tmp_path / "couple.json", "--figures", "fig02")
@@ -185,7 +180,7 @@ def test_walls_have_their_table(files: dict[str, Path], tmp_path: Path, report: 
     assert [float(row[2]) for row in rows] == pytest.approx([wall.K_passive for wall in coupling.walls], rel=0.01)
 
 
-def test_plot_of_a_fit_has_a_line_a_level_and_of_a_replay_its_reference(files: dict[str, Path]):
+def test_plot_of_a_fit_has_a_line_a_level_and_of_a_replay_its_reference(files):
     fit, replay = eaid.load(files["clutch.json"]), eaid.load(files["steps.h5"])
     ax = fit.plot()
     assert ax.get_ylabel() == "Torque (N·m)" and fit.plot(ax=ax) is ax

@@ -1,8 +1,6 @@
 """A fit that must not be used leaves its mark: gains.json, replay.h5, every page and every figure of them."""
 
 import json
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -17,7 +15,7 @@ WHY = "the linear fit did not converge"
 
 
 @pytest.fixture(scope="module")
-def shaky(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def shaky(tmp_path_factory):
     """Data, a fit whose linear model did not converge, and gains and replays that were made of it all the same."""
     folder = tmp_path_factory.mktemp("shaky")
     made = {name: folder / name for name in ("data.h5", "fit.json", "gains.json", "steps.h5", "inverse.h5")}
@@ -39,12 +37,12 @@ def shaky(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture(scope="module")
-def marked(shaky: dict[str, Path], report: Callable[..., Any]) -> Any:
+def marked(shaky, report):
     return report(*(path for name, path in shaky.items() if name != "inverse.h5"))
 
 
 @pytest.mark.slow
-def test_gains_and_replays_carry_it_on(shaky: dict[str, Path], tmp_path: Path, run_eaid: Callable[..., Any]):
+def test_gains_and_replays_carry_it_on(shaky, tmp_path, run_eaid):
     assert WHY in json.loads(shaky["gains.json"].read_text())["not_usable"]
     out = ["-o", tmp_path / "r.h5", "--duration", "9", "--scenario", "steps", "--json"]
     ran = run_eaid("simulate", shaky["fit.json"], "--gains", shaky["gains.json"], *out)
@@ -54,7 +52,7 @@ def test_gains_and_replays_carry_it_on(shaky: dict[str, Path], tmp_path: Path, r
 
 
 @pytest.mark.parametrize("name", ["fit.json", "gains.json", "steps.h5"])
-def test_either_file_alone_marks_the_page(name: str, shaky: dict[str, Path], report: Callable[..., Any]):
+def test_either_file_alone_marks_the_page(name, shaky, report):
     page = report(shaky[name], "--figures", "own_reference")
     (note,) = page.of("p", "mark")
     assert "".join(note.itertext()).startswith(f"{MARK}; {WHY}")
@@ -62,12 +60,12 @@ def test_either_file_alone_marks_the_page(name: str, shaky: dict[str, Path], rep
 
 
 @pytest.mark.slow
-def test_sound_results_have_no_mark(whole: Any):
+def test_sound_results_have_no_mark(whole):
     assert MARK not in whole.html and 'class="mark"' not in whole.html and "@top-left" not in whole.html
 
 
 @pytest.mark.slow
-def test_every_section_and_every_figure_of_the_fit_is_marked(marked: Any):
+def test_every_section_and_every_figure_of_the_fit_is_marked(marked):
     assert marked.html.count(f'<p class="running">{MARK}</p>') == len(marked.of("section"))
     figures = {"fig09_shear_per_field": True, "fig11_steps": True, "fig07_nonlinear_model": True, "fig02_pwm": False}
     for name, has_mark in figures.items():
@@ -78,7 +76,7 @@ def test_every_section_and_every_figure_of_the_fit_is_marked(marked: Any):
 
 
 @pytest.mark.slow
-def test_it_stands_on_every_screen_and_every_printed_page(browser: Any, marked: Any, printed: Any, tmp_path: Path):
+def test_it_stands_on_every_screen_and_every_printed_page(browser, marked, printed, tmp_path):
     tab = browser.new_context(viewport={"width": 380, "height": 800}).new_page()
     tab.goto(marked.path.as_uri())
     tab.locator("html[data-ready=true]").wait_for(state="attached", timeout=60_000)

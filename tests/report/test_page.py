@@ -4,8 +4,6 @@ import hashlib
 import json
 import re
 import shlex
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import html5lib
@@ -20,7 +18,7 @@ from eaid.report.tables.gains import comparison
 from eaid.results.gains import Compared, Gains, Replayed
 from eaid.shown import number
 
-from ..conftest import PLANT, loaded, made_once
+from ..conftest import LINEAR, PLANT, loaded, made_once
 
 FIGURES = {
     "fig02_pwm", "fig03_friction_steps", "fig04_friction_over_stress", "fig05_friction_over_speed",
@@ -31,12 +29,12 @@ FIGURES = {
 PARTS = ["summary", "data", "model", "controller", "replay", "rehabilitation", "appendix"]
 
 
-def strict(html: str) -> None:
+def strict(html):
     """Raises where the page breaks the HTML standard's grammar."""
     html5lib.HTMLParser(strict=True).parse(html)
 
 
-def test_the_page_is_valid_small_and_asks_for_nothing_outside(whole: Any):
+def test_the_page_is_valid_small_and_asks_for_nothing_outside(whole):
     with pytest.raises(html5lib.html5parser.ParseError):
         strict("<!DOCTYPE html><title>x</title><p></b><table><p></table>")
     strict(whole.html)
@@ -51,7 +49,7 @@ def test_the_page_is_valid_small_and_asks_for_nothing_outside(whole: Any):
     assert re.search(r"script-src 'sha256-\S+' 'sha256-\S+';", policy)
 
 
-def test_every_figure_of_the_contract_is_there_with_its_words(whole: Any):
+def test_every_figure_of_the_contract_is_there_with_its_words(whole):
     assert set(whole.captions) >= FIGURES
     for name in whole.captions:
         assert (whole.path.parent / "figures" / f"{name}.png").stat().st_size > 5000
@@ -59,7 +57,7 @@ def test_every_figure_of_the_contract_is_there_with_its_words(whole: Any):
         assert len(image.get("alt")) > 40 and image.get("width") and image.get("height")
 
 
-def test_the_parts_stand_in_their_order_a_picture_first_and_count_what_they_fold(whole: Any):
+def test_the_parts_stand_in_their_order_a_picture_first_and_count_what_they_fold(whole):
     assert [one.get("id") for one in whole.of("section")] == PARTS
     assert [one.get("href") for one in whole.of("a")][1:8] == [f"#{name}" for name in PARTS]
     for name in PARTS[1:-1]:
@@ -72,7 +70,7 @@ def test_the_parts_stand_in_their_order_a_picture_first_and_count_what_they_fold
             assert [int(n or 0) for n in count.groups()] == [fold.count("<figure"), fold.count("<table>")]
 
 
-def test_the_page_says_where_its_numbers_come_from(whole: Any, files: dict[str, Path]):
+def test_the_page_says_where_its_numbers_come_from(whole, files):
     assert re.search(r"<title>[^<]*\(synthetic data\)</title>", whole.html) and "No rig recorded them" in whole.text
     assert whole.title == "Electroadhesive clutch" and whole.chips[1:3] == ["% → N·m", "5 levels, 20 … 100 %"]
     given = {row[0]: row[-1] for row in whole.rows("Files")}
@@ -80,7 +78,7 @@ def test_the_page_says_where_its_numbers_come_from(whole: Any, files: dict[str, 
         assert given[str(path)] == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def test_the_summary_and_the_tables_say_what_the_files_say(whole: Any, files: dict[str, Path]):
+def test_the_summary_and_the_tables_say_what_the_files_say(whole, files):
     fit, gains = (json.loads(files[name].read_text(encoding="utf-8")) for name in ("clutch.json", "gains.json"))
     levels = fit["friction"]["levels"]
     heads, *rows = whole.numbers["Values with 95 % intervals"]
@@ -106,9 +104,7 @@ def test_the_summary_and_the_tables_say_what_the_files_say(whole: Any, files: di
     assert steps == ["plan", "export"]  # no gains mend the duty limit: none are offered
 
 
-def test_what_to_do_next_works_in_any_folder_and_overwrites_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, report: Callable[..., Any]
-):
+def test_what_to_do_next_works_in_any_folder_and_overwrites_nothing(tmp_path, monkeypatch, report):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "my fit.json").write_text(json.dumps({"schema": "eaid/fit/2", **OTHER_RIG}), encoding="utf-8")
     for name, others in (("plan.csv", ()), ("plan-2.csv", ("plan.csv",)), ("plan-3.csv", ("plan.csv", "plan-2.csv"))):
@@ -118,7 +114,7 @@ def test_what_to_do_next_works_in_any_folder_and_overwrites_nothing(
         assert shlex.split(command) == ["eaid", "plan", f"{tmp_path}/my fit.json", "-o", f"{tmp_path}/{name}"]
 
 
-def test_a_warning_is_counted_once_and_where_it_is_shown(whole: Any):
+def test_a_warning_is_counted_once_and_where_it_is_shown(whole):
     for name, light in zip(("data", "model"), whole.lights, strict=False):
         part = whole.html.split(f'<section id="{name}">')[1].split("</section>")[0]
         own = re.sub(r"<details[^>]*>\s*<summary><b>Friction.*?</details>", "", part, flags=re.DOTALL)
@@ -127,7 +123,7 @@ def test_a_warning_is_counted_once_and_where_it_is_shown(whole: Any):
     assert "of 10 runs" in whole.lights[0][1] or whole.lights[0][1].startswith("10 runs")  # a release is no run more
 
 
-def test_figures_of_another_rig_are_counted_from_one(long: list[Path], report: Callable[..., Any]):
+def test_figures_of_another_rig_are_counted_from_one(long, report):
     page = report(*long)
     titles = [caption.split(" · ")[0] for caption in page.captions.values()]
     assert titles == [f"Figure {k}" for k in range(1, len(titles) + 1)] and len(titles) > 3
@@ -143,7 +139,7 @@ def test_figures_of_another_rig_are_counted_from_one(long: list[Path], report: C
         ((9.0, 60.0, 2.0), "At equal margins a PI leaves 1.5 times RC's"),
     ],
 )  # fmt: skip
-def test_rc_is_held_against_the_best_pi_that_is_as_safe(designed: tuple[float | None, float, float], said: str):
+def test_rc_is_held_against_the_best_pi_that_is_as_safe(designed, said):
     rows = {"rc": (8.0, 50.0, 1.0), "equal_pi": (8.0, 50.0, 1.5), "equal_pi_feedforward": (8.0, 50.0, 1.0)}
     made = {
         name: Compared(gain_db=gain_db, phase_deg=phase_deg, max_abs_error_nm=error, stable=True)
@@ -159,7 +155,7 @@ def test_one_minus_sign_and_no_interval_without_width():
     assert both.texts == (("not known",), ("6.479 … 6.480",))
 
 
-def test_tables_one_to_four_stand_beside_the_published_values(whole: Any, files: dict[str, Path]):
+def test_tables_one_to_four_stand_beside_the_published_values(whole, files):
     assert {"Table I", "Table II", "Table III", "Table IV"} <= set(whole.tables)
     fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
     rows = {row[0]: row for row in whole.rows("Table III")}
@@ -169,7 +165,7 @@ def test_tables_one_to_four_stand_beside_the_published_values(whole: Any, files:
     assert whole.rows("Linear model")[0][:3] == ["a0", "1.36", number(fit["linear"]["a0"])]
 
 
-def test_live_plots_hold_what_was_measured_and_the_model(whole: Any, files: dict[str, Path]):
+def test_live_plots_hold_what_was_measured_and_the_model(whole, files):
     lines, data = whole.lines("fig07_nonlinear_model"), eaid.load(files["clutch.h5"])
     fit, level = eaid.load(files["clutch.json"]), data.levels[2]
     (name,) = [one for one in lines if one.startswith("60 %, model, RMSE 0.")]
@@ -181,7 +177,7 @@ def test_live_plots_hold_what_was_measured_and_the_model(whole: Any, files: dict
 
 
 @pytest.mark.slow
-def test_the_same_files_give_the_same_bytes(files: dict[str, Path], whole: Any, report: Callable[..., Any]):
+def test_the_same_files_give_the_same_bytes(files, whole, report):
     assert report(*files.values()).html == whole.html
     fit = files["friction-force.json"]
     pages = [report(fit, "--format", "pdf,svg").path.parent / "figures" for _ in range(2)]
@@ -194,7 +190,7 @@ HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(2)>&\"'{{7*7}}"
 
 
 @pytest.mark.slow
-def test_hostile_text_is_shown_and_never_run(files: dict[str, Path], tmp_path: Path, report: Callable[..., Any]):
+def test_hostile_text_is_shown_and_never_run(files, tmp_path, report):
     fit = json.loads(files["clutch.json"].read_text(encoding="utf-8"))
     fit["data"] |= {"synthetic": HOSTILE, "inputs": [{"path": HOSTILE, "sha256": HOSTILE}], "input_unit": HOSTILE}
     fit["nonlinear"]["warnings"] = [HOSTILE]
@@ -211,10 +207,7 @@ def test_hostile_text_is_shown_and_never_run(files: dict[str, Path], tmp_path: P
         assert all("<" not in name and "@" not in name and "{" not in name for name in page.lines(figure))
 
 
-LINEAR = {"a0": 1.36, "b0": 0.08, "c0": -2.42, "bounds": {"B_m": 12.4, "B_M": 42.6}}
-
-
-def test_a_fit_of_the_linear_model_alone_has_its_page(tmp_path: Path):
+def test_a_fit_of_the_linear_model_alone_has_its_page(tmp_path):
     """Only what the contract asks tune-rc to need: every further key may be absent."""
     (tmp_path / "fit.json").write_text(json.dumps({"schema": "eaid/fit/2", "linear": LINEAR}))
     path = eaid.report(eaid.load(tmp_path / "fit.json"), tmp_path / "out")
@@ -231,7 +224,7 @@ OTHER_RIG = {"schema": "eaid/fit/2", "data": VOLTS, "converged": True, "friction
                            "u_range": [100.0, 300.0]}}  # fmt: skip
 
 
-def test_another_rig_has_its_own_units_and_no_published_values(report_of: Callable[..., Any]):
+def test_another_rig_has_its_own_units_and_no_published_values(report_of):
     page = report_of(OTHER_RIG)
     assert page.title == "Step responses" and page.chips == ["V → N", "2 levels, 100 … 300 V"]
     (_heads, lowest, highest) = page.numbers["Values with 95 % intervals"]
@@ -244,14 +237,13 @@ def test_another_rig_has_its_own_units_and_no_published_values(report_of: Callab
     assert not any("published" in head for rows in page.tables.values() for head in rows[0])
 
 
-def test_trends_are_written_by_their_form(report_of: Callable[..., Any]):
+def test_trends_are_written_by_their_form(report_of):
     forms = {"Ts": ("linear", [0.0944, -0.0896]), "tau1": ("merged-exponential", [5.4, 0.1, -0.0101]),
              "tau2": ("double-exponential", [6.01, -0.431, -0.11, 0.0492])}  # fmt: skip
     trends = {name: {"form": form, "over": "stress_kpa", "coefficients": c} for name, (form, c) in forms.items()}
     data = {"kind": "friction-force", "input_unit": "N", "output_unit": "N·m"}
-    page = report_of(
-        {"schema": "eaid/fit/2", "data": data, "friction": {"C": 0.85, "levels": LEVELS, "trends": trends}}
-    )
+    friction = {"C": 0.85, "levels": LEVELS, "trends": trends}
+    page = report_of({"schema": "eaid/fit/2", "data": data, "friction": friction})
     shown = {row[0]: row[4] for row in page.rows("Table I")}
     assert shown == {"Ts": "0.09440 σ − 0.08960", "Cf": "not fitted", "τ1": "(5.400 + 0.1000 σ) e−0.01010 σ",
                      "τ2": "6.010 e−0.4310 σ − 0.1100 e0.04920 σ"}  # fmt: skip
@@ -266,11 +258,11 @@ def test_trends_are_written_by_their_form(report_of: Callable[..., Any]):
         (None, 4, "–"), (float("nan"), 4, "–"), (True, 4, "yes"), ("text", 4, "–"),
     ],
 )  # fmt: skip
-def test_numbers_as_text(value: object, digits: int, text: str):
+def test_numbers_as_text(value, digits, text):
     assert number(value, digits) == text
 
 
-def finding(severity: str, subject: str, code: str = "test") -> dict[str, Any]:
+def finding(severity, subject, code="test"):
     return {"code": code, "severity": severity, "subject": subject, "levels": [5.0], "values": {}, "text": "said"}
 
 
@@ -286,9 +278,7 @@ def finding(severity: str, subject: str, code: str = "test") -> dict[str, Any]:
         ([], False, ["good", "bad", "none"]),
     ],
 )
-def test_lights_are_as_grave_as_what_was_found(
-    findings: list[Any], converged: bool, wanted: list[str], report_of: Callable[..., Any]
-):
+def test_lights_are_as_grave_as_what_was_found(findings, converged, wanted, report_of):
     for one in findings:
         one["values"] = {"worst": 1.0, "share_pct": 20.0}
     fit = {"schema": "eaid/fit/2", "converged": converged, "linear": LINEAR, "findings": findings,
@@ -312,9 +302,7 @@ GAINS = {"schema": "eaid/gains/1", "model": {"a0": 1.8, "b0": 0.08, "c0": -1.3},
         ([True, None], "%", "not known (duty limit)", "good"),
     ],
 )
-def test_one_verdict_on_the_guarantee_and_what_to_do_next(
-    holds: list[bool | None], unit: str, text: str, grade: str, report_of: Callable[..., Any]
-):
+def test_one_verdict_on_the_guarantee_and_what_to_do_next(holds, unit, text, grade, report_of):
     rows = [{"name": name, "holds": one, "needed": 37.5, "available": 17.8, "unit": unit}
             for name, one in zip(("phi", "duty-limit"), holds, strict=True)]  # fmt: skip
     whole = False if False in holds else None if None in holds else True
@@ -325,9 +313,8 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
     assert told == grade and said.startswith(f"guarantee {text.partition(' (φ')[0]}")
     assert ("φ allows the model's drift term 17.8 of the 37.5" in said) == (holds[0] is False)
     beyond = holds[1] is False
-    assert (
-        "No gains mend the actuator's range; what you have: gain margin 16.2 dB, phase margin 78.1°" in said
-    ) == beyond
+    have = "what you have: gain margin 16.2 dB, phase margin 78.1°"
+    assert (f"No gains mend the actuator's range; {have}" in said) == beyond
     assert page.numbers["Controllers"][1:] == [["PI", "42.7", "31.5", "–"]]
     verdict = {True: "holds", False: "does not hold", None: "not known"}
     shown = [row[2:] for row in page.rows("What the guarantee needs")]
@@ -339,12 +326,12 @@ def test_one_verdict_on_the_guarantee_and_what_to_do_next(
 
 
 @made_once
-def gains_of(fit: dict[str, Any]) -> dict[str, Any]:
+def gains_of(fit):
     """gains.json of a script's fit."""
     return eaid.tune_rc(loaded(fit)).to_dict()
 
 
-def test_rc_stands_beside_a_pi_of_its_own_margins(report_of: Callable[..., Any]):
+def test_rc_stands_beside_a_pi_of_its_own_margins(report_of):
     """… with and without its feedforward."""
     fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
     gains = gains_of(fit)
@@ -355,12 +342,12 @@ def test_rc_stands_beside_a_pi_of_its_own_margins(report_of: Callable[..., Any])
 
 
 @pytest.mark.parametrize("wrong", [{}, {"solver": {"converged": False}}, {"b0": -1.0}, {"a0": -1.0}])
-def test_no_command_is_offered_that_would_be_refused(wrong: dict[str, Any], report_of: Callable[..., Any]):
+def test_no_command_is_offered_that_would_be_refused(wrong, report_of):
     page = report_of({"schema": "eaid/fit/2", "converged": True, "linear": {**LINEAR, **wrong}})
     assert [command.split()[1] for _why, command in page.steps] == ([] if wrong else ["tune-rc"])
 
 
-def test_what_no_command_mends_is_said_in_its_place(report_of: Callable[..., Any], tmp_path: Path):
+def test_what_no_command_mends_is_said_in_its_place(report_of, tmp_path):
     fit: dict[str, Any] = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
     gains = gains_of(fit)
     (tmp_path / "a.csv").touch()
@@ -375,13 +362,12 @@ def test_what_no_command_mends_is_said_in_its_place(report_of: Callable[..., Any
         assert ("Take peak, slip and held output" in said) == (code == "output-decays-under-hold")
         assert ("export" in offered) == (code == "output-decays-under-hold")
         mended = [command for _why, command in page.steps if "--repair" in command]
-        assert [line.split()[1:4] for line in mended] == (
-            [["fit", str(tmp_path / "a.csv"), "--repair"]] * (code == "spikes")
-        )
+        wanted = [["fit", str(tmp_path / "a.csv"), "--repair"]] * (code == "spikes")
+        assert [line.split()[1:4] for line in mended] == wanted
 
 
 @pytest.mark.parametrize(("short", "laws"), [("", None), ("rc", "pi,inverse,plant"), ("pi", "rc,inverse,plant")])
-def test_gains_short_of_margin_are_not_sent_to_the_rig(short: str, laws: str | None, report_of: Any):
+def test_gains_short_of_margin_are_not_sent_to_the_rig(short, laws, report_of):
     """None at all where neither controller has 6 dB and 45°."""
     fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
     gains = gains_of(fit)
@@ -394,7 +380,7 @@ def test_gains_short_of_margin_are_not_sent_to_the_rig(short: str, laws: str | N
     assert "export" not in str(report_of(fit, {**gains, "findings": told}).steps)
 
 
-def test_table_iv_and_what_follows_from_it(report_of: Callable[..., Any]):
+def test_table_iv_and_what_follows_from_it(report_of):
     rc = {"K_P": 4.5, "K_D": 3.0, "B_hat": 12.8, "rho": {"constant": 15.5, "slope": 10.3}, "epsilon": 0.5,
           "gamma": 50.0, "Q": [[1.0, 0.5], [0.5, 1.0]], "B_m": 8.6, "B_M": 41.4, "phi": 0.1}  # fmt: skip
     page = report_of({**GAINS, "rc": rc})

@@ -1,9 +1,6 @@
 """The page of logs fitted as recorded, and thinned curves."""
 
 import json
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,24 +11,24 @@ from eaid.report.panels import thinned
 
 
 @pytest.fixture(scope="module")
-def told(recorded: Path) -> dict[str, Any]:
+def told(recorded):
     return json.loads(recorded.read_text(encoding="utf-8"))
 
 
 @pytest.fixture(scope="module")
-def logs(recorded: Path, report: Callable[..., Any]) -> Any:
+def logs(recorded, report):
     return report(recorded)
 
 
-def test_logs_as_recorded_are_on_the_page(logs: Any):
+def test_logs_as_recorded_are_on_the_page(logs):
     model = logs.html.split('<section id="model">')[1].split("</section>")[0]
     assert model.index('id="recorded_logs"') < model.index("<h3>Logs fitted as recorded</h3>") < model.index("<details")
     assert "4 logs as recorded, 240 s" in logs.chips
     assert logs.html.count('class="picture"') == 2 and "three are drawn" in logs.captions["recorded_logs"]
 
 
-def test_its_tables_say_what_the_fit_says(logs: Any, told: dict[str, Any]):
-    def close(shown: list[str], wanted: list[float | None]) -> bool:
+def test_its_tables_say_what_the_fit_says(logs, told):
+    def close(shown, wanted):
         numbers = [np.nan if text == "–" else float(text.replace("−", "-")) for text in shown]
         return numbers == pytest.approx([np.nan if x is None else x for x in wanted], rel=0.05, nan_ok=True)
 
@@ -45,7 +42,7 @@ def test_its_tables_say_what_the_fit_says(logs: Any, told: dict[str, Any]):
 
 
 @given(st.integers(2, 5000), st.integers(4, 200), st.integers(0, 2**32 - 1))
-def test_thinned_curves_keep_ends_and_extremes_in_order(n: int, points: int, seed: int):
+def test_thinned_curves_keep_ends_and_extremes_in_order(n, points, seed):
     y = np.random.default_rng(seed).normal(size=n)
     t, few = thinned(np.arange(float(n)), y, points)
     assert t[0] == 0 and t[-1] == n - 1 and np.all(np.diff(t) > 0) and np.array_equal(y[t.astype(int)], few)

@@ -2,9 +2,7 @@
 
 import json
 import shlex
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -21,7 +19,7 @@ RC = {
 }  # fmt: skip
 
 
-def test_numbers_of_a_replay_by_hand(tmp_path: Path, report: Callable[..., Any], replay_file: Any):
+def test_numbers_of_a_replay_by_hand(tmp_path, report, replay_file):
     page = report(replay_file(tmp_path / "r.h5", {"rc": RC, "other": {}}, plants=9), "--figures", "own_reference")
     assert page.tables["Errors of each controller"][0][5] == "mean input step (%)"
     rc, other = page.rows("Errors of each controller")
@@ -33,12 +31,12 @@ def test_numbers_of_a_replay_by_hand(tmp_path: Path, report: Callable[..., Any],
     assert "9 plants drawn" in page.text and "Each frequency" not in page.tables
 
 
-def test_tables_say_what_the_replays_hold(whole: Any, files: dict[str, Path]):
-    def columns(name: str, controller: str = "rc") -> dict[str, np.ndarray]:
+def test_tables_say_what_the_replays_hold(whole, files):
+    def columns(name, controller="rc"):
         with h5py.File(files[f"{name}.h5"]) as file:
             return {key: np.asarray(one) for key, one in file[controller].items() if isinstance(one, h5py.Dataset)}
 
-    def metrics(name: str, controller: str = "rc") -> dict[str, Any]:
+    def metrics(name, controller="rc"):
         with h5py.File(files[f"{name}.h5"]) as file:
             return json.loads(file[controller].attrs["metrics"])
 
@@ -65,18 +63,13 @@ def test_tables_say_what_the_replays_hold(whole: Any, files: dict[str, Path]):
 
 
 @pytest.mark.slow
-def test_drawn_plants_a_log_and_a_reference_have_their_figures(
-    files: dict[str, Path], tmp_path: Path, report: Callable[..., Any], run_eaid: Callable[..., Any]
-):
+def test_drawn_plants_a_log_and_a_reference_have_their_figures(files, tmp_path, report, run_eaid):
     (tmp_path / "mine.csv").write_text("time_s,reference_nm\n0,0\n1,1\n3,1\n")
     runs = {"plants": ("--scenario", "multisine", "--duration", 6, "--plants", 3), "log": ("--log", files["clutch.h5"]),
             "own": ("--reference", tmp_path / "mine.csv")}  # fmt: skip
     for name, more in runs.items():
-        path = tmp_path / f"{name}.h5"
-        assert (
-            run_eaid("simulate", files["clutch.json"], "--gains", files["gains.json"], *more, "-o", path, "-q").code
-            == 0
-        )
+        words = ["simulate", files["clutch.json"], "--gains", files["gains.json"], *more, "-o", tmp_path / f"{name}.h5"]
+        assert run_eaid(*words, "-q").code == 0
     page = report(files["clutch.json"], *(tmp_path / f"{name}.h5" for name in runs))
     assert {"fig12_multisine", "log_replay", "own_reference"} <= set(page.captions)
     with h5py.File(tmp_path / "plants.h5") as file:
@@ -94,14 +87,11 @@ def test_drawn_plants_a_log_and_a_reference_have_their_figures(
 TUNED = ["--b-hat", "minimax", "--kp", "5", "--phi", "0.02", "--pi-overshoot", "1", "--pi-settling", "0.3",
          "--duty-limits", "5,95", "--reference", "multisine", "--pwm-hz", "0"]  # fmt: skip
 REPLAYED = ["--controller", "pi,inverse", "--scenario", "steps", "--duration", "9", "--rate-hz", "500",
-            "--noise-nm", "0.01", "--delay-samples", "1",
-            "--seed", "5"]  # fmt: skip
+            "--noise-nm", "0.01", "--delay-samples", "1", "--seed", "5"]  # fmt: skip
 
 
 @pytest.mark.slow
-def test_gains_and_replay_are_made_again_by_what_the_page_says(
-    files: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, report: Callable[..., Any], run_eaid: Any
-):
+def test_gains_and_replay_are_made_again_by_what_the_page_says(files, tmp_path, monkeypatch, report, run_eaid):
     monkeypatch.chdir(tmp_path)
     fit = files["clutch.json"]
     assert run_eaid("tune-rc", fit, "-o", "g.json", "-q", *TUNED).code == 0

@@ -1,9 +1,5 @@
 """What a model leaves: its correlations by hand, on the page and in a notebook, and of a log that it has not seen."""
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -32,7 +28,7 @@ def test_correlations_by_hand_and_their_bands():
     assert correlation_of([e + 0.3 * np.roll(u, 200)], 0.01, u).outside()[1] > 2  # the input, late, is left in them
 
 
-def log(path: Path, seed: int, wn: float = 6.0) -> Path:
+def log(path, seed, wn=6.0):
     """A plant that rings under steps of the duty: ÿ = ω² (0.05 u − y) − 2 ζ ω ẏ, at 50 Hz."""
     rng = np.random.default_rng(seed)
     u, dt, zeta = np.repeat(rng.choice([20.0, 40.0, 60.0, 80.0], 15), 100), 0.02, 0.25
@@ -46,7 +42,7 @@ def log(path: Path, seed: int, wn: float = 6.0) -> Path:
     return path
 
 
-def test_kinds_hold_out_and_another_log_are_on_the_page(tmp_path: Path, report: Callable[..., Any]):
+def test_kinds_hold_out_and_another_log_are_on_the_page(tmp_path, report):
     fit, seen, other = tmp_path / "fit.json", tmp_path / "seen.h5", tmp_path / "other.h5"
     own, another, wrong = (log(tmp_path / f"{name}.csv", seed, wn) for name, seed, wn in
                            (("own", 1, 6.0), ("another", 2, 6.0), ("wrong", 3, 4.5)))  # fmt: skip
@@ -59,10 +55,8 @@ def test_kinds_hold_out_and_another_log_are_on_the_page(tmp_path: Path, report: 
     assert page.rows("Held out") == [["the last third", f"{held.fit_pct:.1f}", f"{held.held_pct:.1f}"]]
     assert f"fits {held.fit_pct:.1f} %, {held.held_pct:.1f} % of what was left out" in page.lights[1][1]
     assert "ring" in page.rows("Kinds of lag that were tried")[0][0]
-    assert page.tables["Another log, which the model has not seen"][0][-2:] == [
-        "lags outside: own past", "lags outside: input",
-    ]  # fmt: skip
-    good, bad = page.rows("Another log, which the model has not seen")
+    heads, good, bad = page.tables["Another log, which the model has not seen"]
+    assert heads[-2:] == ["lags outside: own past", "lags outside: input"]
     assert float(good[5]) > 98 > float(bad[5]) and max(int(one) for one in good[-2:]) <= 6 < 20 < int(bad[-2])
     assert "Recorded input through the model" in report(fit, seen).tables
     (tmp_path / "tuesday").mkdir()
@@ -74,7 +68,7 @@ def test_kinds_hold_out_and_another_log_are_on_the_page(tmp_path: Path, report: 
     assert axes[1].lines[0].get_ydata() == pytest.approx(known.logs[0].correlation.own)
 
 
-def test_residuals_of_steps_are_those_of_the_fit(files: dict[str, Path], whole: Any):
+def test_residuals_of_steps_are_those_of_the_fit(files, whole):
     assert "residuals" in whole.captions
     fit = eaid.fit(eaid.load(files["clutch.h5"]))
     axes = fit.plot("residuals")

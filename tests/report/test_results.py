@@ -1,10 +1,8 @@
 """Files given to a report: told apart, checked, refused with all faults; a folder written whole or not at all."""
 
 import json
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -15,11 +13,11 @@ import eaid
 WANTED = {"a.json": "is not a JSON file", "b.json": "is no result of eaid", "c.txt": "is not a JSON file", "d.h5": "no"}
 
 
-def names_in(folder: Path) -> list[str]:
+def names_in(folder):
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
 
 
-def test_everything_that_is_no_result_is_told_at_once(tmp_path: Path, run_eaid: Callable[..., Any]):
+def test_everything_that_is_no_result_is_told_at_once(tmp_path, run_eaid):
     (tmp_path / "a.json").write_text("{")
     (tmp_path / "b.json").write_text(json.dumps({"schema": "other/1"}))
     (tmp_path / "c.txt").write_bytes(b"\xff\xfe\x00")
@@ -28,19 +26,15 @@ def test_everything_that_is_no_result_is_told_at_once(tmp_path: Path, run_eaid: 
     paths = [tmp_path / name for name in ("a.json", "b.json", "c.txt", "d.h5", "gone.json")]
     ran = run_eaid("report", *paths, "-o", tmp_path / "out")
     assert ran.code == 3 and not (tmp_path / "out").exists()
-    assert (
-        all(f"{tmp_path / name}: {said}" in ran.err for name, said in WANTED.items())
-        and f"{paths[4]}: no such file" in ran.err
-    )
+    assert all(f"{tmp_path / name}: {said}" in ran.err for name, said in WANTED.items())
+    assert f"{paths[4]}: no such file" in ran.err
     ran = run_eaid("report", tmp_path, "-o", tmp_path / "out")
     assert ran.code == 2 and "is a folder; give the files in it" in ran.err
     with pytest.raises(eaid.UsageError, match="a dict is no result"):
         eaid.report([{}], tmp_path / "out")
 
 
-def test_a_scripts_json_is_known_by_its_parts_and_replays_have_the_papers_order(
-    files: dict[str, Path], tmp_path: Path, report: Callable[..., Any], replay_file: Any
-):
+def test_a_scripts_json_is_known_by_its_parts_and_replays_have_the_papers_order(files, tmp_path, report, replay_file):
     (tmp_path / "a.json").write_text(json.dumps({"linear": {"a0": 1.36, "b0": 0.08, "c0": -2.42}}))
     (tmp_path / "b.json").write_text(json.dumps({"model": {"a0": 1.36, "b0": 0.08, "c0": -2.42}, "rc": None}))
     given = (files["multisine.h5"], tmp_path / "b.json", tmp_path / "a.json", files["steps.h5"])
@@ -69,15 +63,13 @@ def test_a_scripts_json_is_known_by_its_parts_and_replays_have_the_papers_order(
         ({"anything": "{"}, {}, "its anything is no JSON"),
     ],
 )
-def test_what_a_replay_holds_is_checked(
-    tmp_path: Path, head: dict[str, Any], columns: dict[str, Any], says: str, run_eaid: Any, replay_file: Any
-):
+def test_what_a_replay_holds_is_checked(tmp_path, head, columns, says, run_eaid, replay_file):
     path = replay_file(tmp_path / "replay.h5", {"rc": {}}, columns, **head)
     ran = run_eaid("report", path, "-o", tmp_path / "out")
     assert ran.code == 3 and says in ran.err and not (tmp_path / "out").exists()
 
 
-def test_results_in_memory_make_the_figures_of_their_files(files: dict[str, Path], tmp_path: Path, report: Any):
+def test_results_in_memory_make_the_figures_of_their_files(files, tmp_path, report):
     eaid.report([eaid.load(files["clutch.json"])], tmp_path / "memory", figures=("model_over_duty",))
     assert names_in(tmp_path / "memory") == ["figures/model_over_duty.png", "report.html"]
     other = report(files["clutch.json"], "--figures", "model_over_duty").path.parent / "figures/model_over_duty.png"
@@ -86,9 +78,7 @@ def test_results_in_memory_make_the_figures_of_their_files(files: dict[str, Path
 
 @pytest.mark.slow
 @pytest.mark.parametrize("held", ["report.html", "figures/model_over_duty.png", "figures/fig07_nonlinear_model.svg"])
-def test_without_force_nothing_is_written_over(
-    files: dict[str, Path], tmp_path: Path, held: str, run_eaid: Callable[..., Any]
-):
+def test_without_force_nothing_is_written_over(files, tmp_path, held, run_eaid):
     (tmp_path / "out" / held).parent.mkdir(parents=True)
     (tmp_path / "out" / held).write_text("mine")
     arguments = ["report", files["clutch.json"], "-o", tmp_path / "out", "--figures", "model_over_duty", "-q"]
@@ -101,7 +91,7 @@ def test_without_force_nothing_is_written_over(
     assert names_in(tmp_path / "out") == ["figures/model_over_duty.png", "figures/notes.txt", "report.html"]
 
 
-def test_three_threads_write_the_same_bytes(files: dict[str, Path], tmp_path: Path):
+def test_three_threads_write_the_same_bytes(files, tmp_path):
     results = [eaid.load(files[name]) for name in ("clutch.h5", "clutch.json", "steps.h5")]
     figures = ("fig07", "fig11")
     with ThreadPoolExecutor(3) as pool:

@@ -1,8 +1,6 @@
 """Engagement, release, peak and slip of each level: the true values of curves made here, on every surface."""
 
 import math
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,7 +11,7 @@ import eaid
 SLIPS, RATE = 0.3, 200.0
 
 
-def run(u: float, seed: int, slip: float = SLIPS) -> pd.DataFrame:
+def run(u, seed, slip=SLIPS):
     """2 s idle, 6 s at u: rises with 0.1 s, slips back by a share with 1 s; falls with 0.2 s for 3 s."""
     t, draw = np.arange(0.0, 11.0, 1 / RATE), np.random.default_rng([int(u), seed])
     on, off = np.maximum(t - 2, 0), np.maximum(t - 8, 0)
@@ -24,21 +22,21 @@ def run(u: float, seed: int, slip: float = SLIPS) -> pd.DataFrame:
 
 
 @pytest.fixture(scope="module")
-def fits() -> dict[float, Any]:
+def fits():
     return {
         slip: eaid.fit({f"u{u:g}r{k}": run(u, k, slip) for u in (40.0, 70.0, 100.0) for k in range(3)}, ci="none")
         for slip in (0.0, SLIPS)
     }
 
 
-def test_a_plant_that_peaks_at_every_level_has_its_own_release(fits: Any) -> None:
+def test_a_plant_that_peaks_at_every_level_has_its_own_release(fits):
     plant = fits[SLIPS].plant
     assert abs(plant.C - 1.3) < 0.02 and plant.release == pytest.approx((0.2, 0.2), rel=0.1)
     assert min(one.fit_pct for one in fits[SLIPS].data.replayed) > 90  # 82 where it falls as it rises
 
 
 @pytest.mark.parametrize("slip", [0.0, SLIPS])
-def test_a_response_is_that_of_the_curve(fits: Any, slip: float) -> None:
+def test_a_response_is_that_of_the_curve(fits, slip):
     t = np.arange(0.0, 6.0, 1e-4)
     curve = (1 - np.exp(-t / 0.1)) * (1 + slip * np.exp(-t))
     held = curve[-6000:].mean()
@@ -55,29 +53,24 @@ def test_a_response_is_that_of_the_curve(fits: Any, slip: float) -> None:
             assert one.peak is one.peak_s is one.slip is None
 
 
-def test_it_is_told_kept_and_written_as_tables(fits: Any, tmp_path: Path) -> None:
+def test_it_is_told_kept_and_written_as_tables(fits, tmp_path):
     fit = fits[SLIPS]
     fit.save(tmp_path / "fit.json")
     assert eaid.load(tmp_path / "fit.json").responses == fit.responses
     assert f"held   at 100 %: {fit.responses[-1].held:.3g}" in fit.summary() and "peaks at" in fit.summary()
-    page = eaid.report(fit, to=tmp_path / "page", figures="fig07", tables=tmp_path / "tables").read_text(
-        encoding="utf-8"
-    )
+    page = eaid.report(fit, to=tmp_path / "page", figures="fig07", tables=tmp_path / "tables").read_text("utf-8")
     table = pd.read_csv(tmp_path / "tables" / "engagement-and-release.csv")
     assert table["engaged (s)"].tolist() == [one.engaged_s for one in fit.responses]
     assert table["held (N·m) low"].tolist() == [one.ci95.held[0] for one in fit.responses]
     tex = (tmp_path / "tables" / "engagement-and-release.tex").read_text(encoding="utf-8")
     assert "Engagement and release" in page and r"\begin{tabular}" in tex and "engaged (s)" in tex
-    headings = {path.stem for path in (tmp_path / "tables").glob("*.csv")}
-    assert "linear-model" in headings
+    assert (tmp_path / "tables" / "linear-model.csv").is_file()
     with pytest.raises(eaid.UsageError, match="exists already"):
         eaid.report(fit, to=tmp_path / "other", tables=tmp_path / "tables")
     assert not (tmp_path / "other" / "report.html").exists()
 
 
-def test_later_commands_begin_with_what_the_fit_warned_of(
-    fits: Any, tmp_path: Path, run_eaid: Any, monkeypatch: Any
-) -> None:
+def test_later_commands_begin_with_what_the_fit_warned_of(fits, tmp_path, run_eaid, monkeypatch):
     monkeypatch.chdir(tmp_path)
     some = eaid.fit(
         {f"u{u:g}r{k}": run(u, k, SLIPS * (u > 50)) for u in (40.0, 70.0, 100.0) for k in range(3)}, ci="none"
@@ -88,15 +81,12 @@ def test_later_commands_begin_with_what_the_fit_warned_of(
             ran = run_eaid(*words.format(tmp_path / f"{slip:g}.json").split(), "--force")
             assert ran.code == 0, ran.err
             first = ran.out.splitlines()[0]
-            assert ("decays under hold" in first and "T_s is an average" in first) == said, (
-                words,
-                first,
-            )
+            assert ("decays under hold" in first and "T_s is an average" in first) == said, (words, first)
         told = run_eaid("export", "g.json", tmp_path / f"{slip:g}.json", "-o", "x", "--force").err.splitlines()[0]
         assert ("decays under hold" in told) == said
 
 
-def test_an_interval_beyond_ten_times_its_value_says_nothing() -> None:
+def test_an_interval_beyond_ten_times_its_value_says_nothing():
     """Two runs that engage in 0.23 s and in 1.15 s: t of one degree of freedom makes it a factor of 27,000."""
     slow = run(70.0, 1, 0.0)
     later = np.maximum(slow["time_s"] - 2, 0)

@@ -3,7 +3,6 @@
 import json
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,14 +16,14 @@ from eaid.errors import DataError
 Run = Callable[..., Any]
 
 
-def written(folder: Path, content: Any) -> Path:
+def written(folder, content):
     path = folder / "fit.json"
     path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
     return path
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_written_and_read_back_and_the_same_bytes_again(which: int, small_files: Any, tmp_path: Path) -> None:
+def test_written_and_read_back_and_the_same_bytes_again(which, small_files, tmp_path):
     path = small_files[which]
     back = eaid.load(path)
     back.save(tmp_path / path.name)
@@ -39,7 +38,7 @@ def test_written_and_read_back_and_the_same_bytes_again(which: int, small_files:
         back.seed = 3
 
 
-def test_what_is_absent_is_left_out_and_what_is_not_known_is_null(tmp_path: Path) -> None:
+def test_what_is_absent_is_left_out_and_what_is_not_known_is_null(tmp_path):
     fit = eaid.load(written(tmp_path, {"linear": {"a0": 1.5, "b0": 0.08, "c0": -1.0, "rmse": None}}))
     assert fit.nonlinear is None and fit.linear.a0 == 1.5
     fit.save(tmp_path / "again.json")
@@ -47,7 +46,7 @@ def test_what_is_absent_is_left_out_and_what_is_not_known_is_null(tmp_path: Path
     assert "nonlinear" not in content and content["linear"]["rmse"] is None
 
 
-def test_a_changed_digit_is_refused_and_another_layout_is_told(small_files: Any, tmp_path: Path, run_eaid: Run) -> None:
+def test_a_changed_digit_is_refused_and_another_layout_is_told(small_files, tmp_path, run_eaid):
     text = small_files[0].read_text(encoding="utf-8")
     with pytest.raises(DataError, match="is damaged, or was changed after eaid wrote it"):
         eaid.load(written(tmp_path, re.sub(r'("b0": 0\.\d+)\d', r"\g<1>", text, count=1)))
@@ -78,7 +77,7 @@ REFUSED: dict[str, tuple[Any, str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_a_file_that_is_refused(case: str, tmp_path: Path, run_eaid: Run) -> None:
+def test_a_file_that_is_refused(case, tmp_path, run_eaid):
     content, said = REFUSED[case]
     path = written(tmp_path, content)
     with pytest.raises(DataError) as refused:
@@ -87,7 +86,7 @@ def test_a_file_that_is_refused(case: str, tmp_path: Path, run_eaid: Run) -> Non
     assert run_eaid("tune-rc", path, "-o", tmp_path / "gains.json").code == 3
 
 
-def test_what_is_absent_costs_its_part_only(tmp_path: Path, run_eaid: Run) -> None:
+def test_what_is_absent_costs_its_part_only(tmp_path, run_eaid):
     content = {
         "linear": {"a0": 1, "b0": 0.1, "c0": None},
         "friction": {"levels": [{"level": 10}, {"level": 20, "Ts": 1, "tau1": 0.1, "tau2": 2}], "trends": []},
@@ -101,7 +100,7 @@ def test_what_is_absent_costs_its_part_only(tmp_path: Path, run_eaid: Run) -> No
     assert "its friction.levels[0] has no Ts and is left out" in told and "its linear has no c0 and is left out" in told
 
 
-def test_what_a_script_needs_to_write(tmp_path: Path) -> None:
+def test_what_a_script_needs_to_write(tmp_path):
     model = {"C": 0.85, "tau1": [0.1, 0, 0], "tau2": [4, 0, 0], "Ts": [0, 0.04, 0, 0], "u_range": [10, 100]}
     fit = eaid.load(written(tmp_path, {"nonlinear": model}))
     found = fit.nonlinear
@@ -110,7 +109,7 @@ def test_what_a_script_needs_to_write(tmp_path: Path) -> None:
     assert fit.predict(50.0, [0.0, 0.1, 1e3]).iloc[:, 0].tolist() == pytest.approx(torque)
 
 
-def test_a_plant_of_another_kind_is_known_by_its_own_numbers() -> None:
+def test_a_plant_of_another_kind_is_known_by_its_own_numbers():
     """A mass on a spring by SciPy, 3/(s² + 0.6 s + 1): gain 3, ω 1, ζ 0.3, at every input."""
     t, logs, rng = np.arange(0.0, 30.0, 0.02), {}, np.random.default_rng(5)
     for u in (2.0, 5.0, 8.0):

@@ -1,7 +1,5 @@
 """The one verdict: what stops a run or a level leaves that out, and what fails in a model stops the fit."""
 
-from typing import Any
-
 import msgspec
 import numpy as np
 import pandas as pd
@@ -14,7 +12,7 @@ T = np.arange(0.0, 18.0, 0.02)
 LEVELS = (20.0, 40.0, 60.0, 80.0, 100.0)
 
 
-def run(level: float, seed: int, moves: bool = True) -> pd.DataFrame:
+def run(level, seed, moves=True):
     """A step from rest at 2 s, held for 10 s, and its release."""
     draw, rise = np.random.default_rng(seed), 1 - 0.85 * np.exp(-(T - 2) / 0.4) - 0.15 * np.exp(-(T - 2) / 3)
     on = (T >= 2) & (T < 12)
@@ -23,43 +21,39 @@ def run(level: float, seed: int, moves: bool = True) -> pd.DataFrame:
     return pd.DataFrame({"time_s": T, "duty_pct": np.where(on, level, 0.0), "torque_nm": y})
 
 
-def fitted(logs: dict[str, pd.DataFrame]) -> Any:
-    return eaid.fit(logs)
-
-
 @pytest.fixture(scope="module")
-def sound() -> Any:
-    return fitted({f"u{u:g}r{k}": run(u, k) for u in LEVELS for k in range(2)})
+def sound():
+    return eaid.fit({f"u{u:g}r{k}": run(u, k) for u in LEVELS for k in range(2)})
 
 
-def test_a_spike_in_one_release_stops_no_other_run(sound: Any) -> None:
+def test_a_spike_in_one_release_stops_no_other_run(sound):
     logs = {f"u{u:g}r{k}": run(u, k) for u in LEVELS for k in range(2)}
     logs["u40r1"].loc[700, "torque_nm"] = 9.0
-    fit = fitted(logs)
+    fit = eaid.fit(logs)
     told = next(one for one in fit.findings if one.code == "runs-left-out")
     assert fit.verdict.usable and told.values["runs"] == ("u40r1-release",) and told.severity == "caution"
     assert "u40r1-release" not in {one.run for one in fit.data.sources} and len(fit.data.sources) == 19
     assert fit.nonlinear.Ts == pytest.approx(sound.nonlinear.Ts, rel=1e-9)
 
 
-def test_a_level_that_does_not_move_is_left_out() -> None:
-    fit = fitted({f"u{u:g}": run(u, 1, moves=u > 20) for u in LEVELS})
+def test_a_level_that_does_not_move_is_left_out():
+    fit = eaid.fit({f"u{u:g}": run(u, 1, moves=u > 20) for u in LEVELS})
     assert fit.verdict.usable and fit.data.levels == LEVELS[1:]
     assert {one.code: one.levels for one in fit.findings}["levels-left-out"] == (20.0,)
-    alone = fitted({"u20": run(20.0, 1, moves=False)})
+    alone = eaid.fit({"u20": run(20.0, 1, moves=False)})
     assert not alone.verdict.usable and alone.summary().startswith("NOT USABLE: ")
 
 
-def changed(fit: Any, part: str, **values: Any) -> Any:
+def changed(fit, part, **values):
     """With some numbers of a part changed, and the plant made of it anew."""
     return msgspec.structs.replace(fit, plant_=None, **{part: msgspec.structs.replace(getattr(fit, part), **values)})
 
 
-def lost(fit: Any) -> Any:
+def lost(fit):
     return msgspec.structs.replace(fit.linear.solver, converged=False)
 
 
-def test_what_fails_in_a_model_and_what_does_not(sound: Any) -> None:
+def test_what_fails_in_a_model_and_what_does_not(sound):
     assert sound.verdict.usable and not sound.verdict.why
     wrong = {
         "fit-not-converged": changed(sound, "linear", solver=lost(sound)),
@@ -80,13 +74,13 @@ def test_what_fails_in_a_model_and_what_does_not(sound: Any) -> None:
         assert fit.verdict.of(other).usable and not fit.verdict.of(reason.subject).usable
 
 
-def test_a_plant_that_explains_no_level_or_not_its_own_logs_is_not_usable(sound: Any) -> None:
-    def played(*fit_pct: float) -> Any:
+def test_a_plant_that_explains_no_level_or_not_its_own_logs_is_not_usable(sound):
+    def played(*fit_pct):
         rows = tuple(msgspec.structs.replace(row, fit_pct=fit_pct[0]) for row in sound.data.replayed[:-1])
         last = msgspec.structs.replace(sound.data.replayed[-1], fit_pct=fit_pct[-1])
         return changed(sound, "data", replayed=(*rows, last))
 
-    def missing(levels: tuple[float, ...]) -> Any:
+    def missing(levels):
         told = finding("curve-misses-levels", "nonlinear", levels, fit_pct=-3.0, worst=20.0, of=len(LEVELS))
         return msgspec.structs.replace(sound, findings=(told,))
 
