@@ -307,7 +307,7 @@ def as_typed(value: Any) -> str:
         return ",".join(f"{each.name}={getattr(value, each.name)}" for each in fields(value))
     if isinstance(value, tuple):
         return ",".join(map(as_typed, value))
-    return "" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    return "" if value is None else f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
 def any_text(_name: str, text: str) -> str:

@@ -138,9 +138,7 @@ def typed(given: Mapping[str, Any]) -> str:
     """Options as they are typed, their names in guillemets: `«step_at» 2 «repair»`."""
     words = []
     for name, value in given.items():
-        parts = value if isinstance(value, tuple) else (value,)
-        each = (f"{one:.12g}" if isinstance(one, float) else as_typed(one) for one in parts)
-        text = (":" if name == "duty" else ",").join(each)
+        text = as_typed(value).replace(",", ":") if name == "duty" else as_typed(value)
         words.append(f"«{name}»" + f" {shlex.quote(text)}" * (value is not True))
     return " ".join(words)
 

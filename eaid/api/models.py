@@ -140,7 +140,7 @@ def fit(
     from eaid.levels.workflow import asks_for_another_kind, fit_steps
     from eaid.replay.compare import of_own_logs
     from eaid.results.common import Samples
-    from eaid.results.parameters import table_of
+    from eaid.results.parameters import parameters_of
     from eaid.results.responses import responses_of
     from eaid.results.verdict import judged
 
@@ -149,7 +149,7 @@ def fit(
 
         with progress("fitting the recorded log", 0):
             fitted = fit_whole(steps, how)
-        return msgspec.structs.replace(fitted, parameters=table_of(fitted))
+        return msgspec.structs.replace(fitted, parameters=parameters_of(fitted))
     if how.duty is not None:
         raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
     refits = how.draws if how.ci == "bootstrap" else 0
@@ -164,7 +164,8 @@ def fit(
     responses = responses_of(steps.noted_late(fitted.noted_late_s), as_clutch.findings)
     if (creep := fitted.data.creep) is not None:
         steps = steps.without_creep(creep.rate, creep.t0_s)
-    return msgspec.structs.replace(fitted, responses=responses, parameters=table_of(fitted), samples=Samples(steps))
+    more = {"responses": responses, "parameters": parameters_of(fitted), "samples": Samples(steps)}
+    return msgspec.structs.replace(fitted, **more)
 
 
 def _ask(steps: StepSet) -> None:

@@ -58,7 +58,6 @@ def aligned(rows: Sequence[Sequence[str]], numeric: Sequence[bool], width: int |
     return lines
 
 
-MOST_FINDINGS = 3  # Findings that are told by default; `--verbose` tells all
 COLOUR = {"error": "1;31", "stop": "1;31", "warning": "33", "note": "36"}
 EVERY_S = 3.0  # Where there is no terminal, a line of progress comes this often [s]
 
@@ -123,12 +122,12 @@ def tell(findings: "Iterable[Finding]", verbose: bool = False) -> None:
         return
     from eaid.findings import merged, ranked
     from eaid.findings import say as sentence
-    from eaid.findings.finding import WORD
+    from eaid.findings.finding import MOST_TOLD, WORD
     from eaid.findings.sentences import SENTENCES
 
     ordered = ranked(merged(tuple(findings)))
     always = {code for code, row in SENTENCES.items() if row.always}
-    shown = [one for k, one in enumerate(ordered) if verbose or k < MOST_FINDINGS or one.code in always]
+    shown = [one for k, one in enumerate(ordered) if verbose or k < MOST_TOLD or one.code in always]
     for one in shown:
         _mark(WORD[one.severity], on_command_line(sentence(one)))
     if len(ordered) > len(shown):

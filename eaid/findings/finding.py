@@ -15,6 +15,7 @@ from eaid.shown import counted
 Value = float | int | str | bool | None | tuple[float | str, ...]
 GRAVITY: dict[str, int] = {"stop": 0, "caution": 1, "note": 2}
 WORD = {"stop": "stop", "caution": "warning", "note": "note"}  # How a severity is called wherever people read it
+MOST_TOLD = 3  # Findings that are told with an answer; the rest on request
 MOST_LISTED = 6  # Numbers that a sentence lists one by one
 
 
@@ -101,11 +102,11 @@ def say(finding: Finding) -> str:
     row = SENTENCES.get(finding.code)
     if row is None:
         return finding.code
-    levels, parameter = listed(finding.levels), finding.values.get("parameter")
+    levels, parameter = enumerated(finding.levels), finding.values.get("parameter")
     unit = str(finding.values.get("unit") or "")
     fields = {
         **finding.values, "subject": finding.subject, "each": finding.levels, "levels": levels,
-        "at": f"at {listed(finding.levels, unit)}",
+        "at": f"at {enumerated(finding.levels, unit)}",
         "symbol": SYMBOLS.get(str(parameter), parameter),
     }  # fmt: skip
     said = row.template(fields) if callable(row.template) else Words().vformat(row.template, (), fields)
@@ -119,7 +120,7 @@ def sentences(findings: Iterable[Finding]) -> list[str]:
     return [in_python(say(one)) for one in findings]
 
 
-def listed(items: Sequence[float | str], unit: str = "") -> str:
+def enumerated(items: Sequence[float | str], unit: str = "") -> str:
     """`10, 20 and 30 %`; of many numbers the first and the last."""
     texts = [item if isinstance(item, str) else f"{item:.4g}" for item in items]
     if len(texts) > MOST_LISTED and not isinstance(items[0], str):

@@ -49,7 +49,7 @@ def live_of(sheet: Sheet) -> Markup:
             shown, reach = _line(p, line)
             hits.append(reach)
             if line.name and panel.legend and not panel.keys:
-                items.append(LegendItem(label={"value": plain(line.name)}, renderers=[shown]))
+                items.append(LegendItem(label={"value": harmless(line.name)}, renderers=[shown]))
         for span in panel.spans:
             if span.low < span.high and span.along == "x":
                 p.add_layout(BoxAnnotation(left=span.low, right=span.high, fill_color=span.color, level="image"))
@@ -64,7 +64,7 @@ def live_of(sheet: Sheet) -> Markup:
             legend.spacing, legend.padding, legend.margin, legend.ncols = 8, 2, 0, 5
             p.add_layout(legend, "above")
         across = panel.x.name.split(" ")[0].lower()
-        values = (across, f"$x{{0.000}} {plain(panel.x.unit)}"), ("value", f"$y{{0.000}} {plain(panel.y.unit)}")
+        values = (across, f"$x{{0.000}} {harmless(panel.x.unit)}"), ("value", f"$y{{0.000}} {harmless(panel.y.unit)}")
         p.add_tools(HoverTool(renderers=hits, tooltips=[("", "$name"), *values]))
         drawn.append(p)
     document = Document()
@@ -100,13 +100,13 @@ def _line(p: Any, line: Line) -> tuple[Any, Any]:
     """A curve, thinned; and what catches the pointer, by the line's name."""
     # Text once for the whole line: a column of names would weigh more than the numbers.
     x, y = thinned(np.asarray(line.x), np.asarray(line.y), LIVE_POINTS)
-    source = ColumnDataSource({"x": x.astype(np.float32), "y": y.astype(np.float32)}, name=plain(line.name))
+    source = ColumnDataSource({"x": x.astype(np.float32), "y": y.astype(np.float32)}, name=harmless(line.name))
     dash = DASHES[line.dash] if isinstance(line.dash, str) else [2 * length for length in line.dash[1]]
     look = Stroke(x="x", y="y", line_color=line.color, line_width=1.7 * line.width, line_dash=dash)
     look.line_alpha = line.alpha
     # A pointer hits a line only within half its width: a broad one that nobody sees catches it.
     broad = Stroke(x="x", y="y", line_width=14, line_alpha=0)
-    return p.add_glyph(source, look), p.add_glyph(source, broad, name=plain(line.name))
+    return p.add_glyph(source, look), p.add_glyph(source, broad, name=harmless(line.name))
 
 
 def _name_ends(p: Any, lines: Sequence[Line]) -> None:
@@ -122,7 +122,7 @@ def _name_ends(p: Any, lines: Sequence[Line]) -> None:
     p.x_range = Range1d(start=0, end=(1.03 + 0.022 * max(map(len, texts))) * longest)
 
 
-def plain(text: str) -> str:
+def harmless(text: str) -> str:
     """A text of the user's own without the signs by which a tooltip would read HTML or a column's name in it."""
     return text.translate(str.maketrans("<>&@${}", "‹›＆＠＄()"))
 

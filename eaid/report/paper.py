@@ -56,7 +56,7 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
     )  # fmt: skip
     for k, (axes, panel) in enumerate(zip(grid.flat, sheet.panels, strict=False)):
         lowest = not sheet.shared or k + sheet.columns >= len(sheet.panels)
-        draw(axes, panel, x_label=lowest)
+        draw_panel(axes, panel, x_label=lowest)
         letter = f"({'abcdefghi'[k]}) " * (sheet.lettered and len(sheet.panels) > 1)
         axes.set_title(**_text(f"{letter}{panel.title}".rstrip()))
     named = next((k for k, panel in enumerate(sheet.panels) if panel.legend == "over"), None)
@@ -73,7 +73,7 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
     return figure
 
 
-def draw(axes: Axes, panel: Panel, x_label: bool = True) -> None:
+def draw_panel(axes: Axes, panel: Panel, x_label: bool = True) -> None:
     """Draw a panel."""
     for band in panel.bands:
         some = slice(None, None, max(1, len(band.x) // BAND_POINTS))
@@ -195,7 +195,7 @@ def plot_residuals(fit: Fit) -> Any:
         raise DataError("this fit was read from a file and holds no samples; fit again, or make a report")
     axes = pyplot.subplots(1, len(sheet.panels), figsize=(3 * len(sheet.panels), 3), layout="constrained")[1]
     for one, panel in zip(axes, sheet.panels, strict=True):
-        draw(one, panel)
+        draw_panel(one, panel)
     return axes
 
 
@@ -206,5 +206,5 @@ def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Axes | None = None
 
     ax = ax if ax is not None else pyplot.subplots(layout="constrained")[1]
     panels: dict[type, Any] = {Fit: fitted_steps, Rig: control_panel, Comparison: values_panel, Gains: margins_panel}
-    draw(ax, panels[type(result)](result) if type(result) in panels else tracking_panels(result)[0])  # type: ignore[arg-type]
+    draw_panel(ax, panels[type(result)](result) if type(result) in panels else tracking_panels(result)[0])  # type: ignore[arg-type]
     return ax

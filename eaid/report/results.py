@@ -137,13 +137,13 @@ def gathered(items: Iterable[Any], progress: Progress = no_progress) -> Results:
     sorted_["replay"].sort(key=lambda one: [*SCENARIO_NAMES, one.result.head.scenario].index(one.result.head.scenario))
     given = {one.result.kind for one in sorted_["data"]}
     for one in sorted_["fit"]:
-        if one.result.data.kind not in given and (steps := logs_of(one.result, progress)) is not None:
+        if one.result.data.kind not in given and (steps := steps_behind(one.result, progress)) is not None:
             sorted_["data"].append(Given(steps, f"the logs behind {one.path}"))
             given.add(one.result.data.kind)
     return Results(*map(tuple, sorted_.values()))
 
 
-def logs_of(fit: Fit, progress: Progress) -> StepSet | None:
+def steps_behind(fit: Fit, progress: Progress) -> StepSet | None:
     """The steps behind a fit: those in memory, else read again where its logs still are what they were; None: gone."""
     if fit.samples.steps is not None:
         return fit.samples.steps
@@ -162,7 +162,7 @@ def read_results(paths: Sequence[Path], tell: Callable[[str], None], progress: P
     for path in paths:
         try:
             result, found = read_result(path)
-            shown = drawable(result, path) if isinstance(result, Replay) else result
+            shown = drawable_replay(result, path) if isinstance(result, Replay) else result
             items.append(Given(shown, str(path), sha256_of(path)))
             for one in found:
                 tell(say(one))
@@ -190,7 +190,7 @@ def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
     return replay_file.read(path) if schema == replay_file.SCHEMA else (read_steps([path], ReadOptions())[1], ())
 
 
-def drawable(replay: Replay, path: Path) -> Replay:
+def drawable_replay(replay: Replay, path: Path) -> Replay:
     """The groups of a replay.h5 that can be drawn; without its columns, or with a falling time, it is refused."""
     drawn = {name: one for name, one in replay.records.items() if set(COLUMNS) & set(one.columns) != {"time_s"}}
     faults = []

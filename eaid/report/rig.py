@@ -32,7 +32,7 @@ def level_text(level: float, unit: str) -> str:
     return (f"{level:.3g} {unit}" if level < 1000 else f"{level:.0f} {unit}").rstrip()
 
 
-def gain(input_unit: str, output_unit: str) -> str:
+def gain_unit(input_unit: str, output_unit: str) -> str:
     """Unit of B = 1/b0."""
     return f"{input_unit}·s/({output_unit})"
 

@@ -13,7 +13,7 @@ from eaid.progress import Progress, no_progress
 from eaid.report import paper
 from eaid.report.figures import FIGURES
 from eaid.report.live import live_of
-from eaid.report.page import Block, Drawn, page, parts
+from eaid.report.page import Block, PageFigure, page, parts
 from eaid.report.page.summary import mark_of, pictures
 from eaid.report.panels import Sheet
 from eaid.report.results import Results
@@ -34,19 +34,19 @@ def write_report(
     refuse_to_overwrite_report(folder, force)
     mark = mark_of(given)
     contents: dict[str, bytes] = {}
-    drawn: list[Drawn] = []
+    drawn: list[PageFigure] = []
     with progress("drawing figures", len(rows)) as done:
         for row in rows:
             if (sheet := row.sheet(given)) is not None:
                 files, address, size = _drawn(sheet, mark[0] if mark and row.of_the_fit else "", options.format)
                 contents |= {f"{FOLDER}/{row.name}.{kind}": content for kind, content in files.items()}
                 title = row.title if given.of_paper else row.title.split(" · ")[-1]
-                drawn.append(Drawn(row.name, title, row.sees, address, size, live_of(sheet)))
+                drawn.append(PageFigure(row.name, title, row.sees, address, size, live_of(sheet)))
             done()
     shown = []
     for title, section, sheet in islice(pictures(given), 2):
         _files, address, size = _drawn(sheet, mark[0] if mark else "", dpi=200)
-        shown.append(Drawn(section, title, f"More of it in the part {section}", address, size))
+        shown.append(PageFigure(section, title, f"More of it in the part {section}", address, size))
     if options.tables is not None:
         write_tables(options.tables, given, force)
     contents[FILE] = page(given, drawn, shown).encode("utf-8", errors="replace")
@@ -65,7 +65,7 @@ def write_report(
 def write_tables(folder: Path, given: Results, force: bool) -> None:
     """Every table of the page as CSV, numbers whole, and as LaTeX, as the page shows it."""
     texts: dict[Path, str] = {}
-    for table in tables_in(parts(given, {})):
+    for table in tables_of_blocks(parts(given, {})):
         name = re.sub(r"[^a-z0-9]+", "-", table.heading.lower()).strip("-")
         again = sum(path.suffix == ".csv" and re.fullmatch(rf"{name}(-\d+)?", path.stem) is not None for path in texts)
         stem = f"{name}-{again + 1}" if again else name
@@ -79,11 +79,11 @@ def write_tables(folder: Path, given: Results, force: bool) -> None:
             path.write_text(text, encoding="utf-8", errors="replace")
 
 
-def tables_in(blocks: Iterable[Block]) -> Iterator[Table]:
+def tables_of_blocks(blocks: Iterable[Block]) -> Iterator[Table]:
     """The tables of some parts of the page and of what stands folded in them."""
     for block in blocks:
         yield from block.tables
-        yield from tables_in(block.folds)
+        yield from tables_of_blocks(block.folds)
 
 
 def _drawn(

@@ -23,7 +23,7 @@ Named = tuple[str, str, str, float | None, Interval, dict[str, Any]]
 """Model, symbol, place, value, interval, and the further fields of a row."""
 
 
-def table_of(fit: Fit) -> tuple[Parameter, ...]:
+def parameters_of(fit: Fit) -> tuple[Parameter, ...]:
     """The rows of a fit: its plant where that is no nonlinear model, nonlinear, linear, friction, release."""
     rows = []
     for model, symbol, place, value, ends, more in (*_plant(fit), *_nonlinear(fit), *_linear(fit), *_levels(fit)):

@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
-from eaid.findings import listed, merged, ranked, say
-from eaid.findings.finding import WORD
+from eaid.findings import enumerated, merged, ranked, say
+from eaid.findings.finding import MOST_TOLD, WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.steps import peak_of
 from eaid.results.common import ci95_of
 from eaid.results.plant import LAGS
-from eaid.results.verdict import MODELS, in_short
+from eaid.results.verdict import MODEL_PARTS, in_short
 from eaid.shown import counted, number, span
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-MOST = 3  # Findings that are told with the answer
 ENDLESS_S = 1e4  # A time constant above this [s] that no interval bounds is no number worth showing
 # What of a fit's warnings means for all that is made of it
 MEANT = {
@@ -32,7 +31,7 @@ MEANT = {
     "signs-turned": " (the output counts with its sign turned)", "input-late": "", "runs-left-out": "",
 }  # fmt: skip
 # Numbers of a plant → how they are called
-CALLED = {**SYMBOLS, "gain_below": "gain below rest", "omega": "ω", "zeta": "ζ", "dead_time_s": "dead time"}
+NUMBER_NAMES = {**SYMBOLS, "gain_below": "gain below rest", "omega": "ω", "zeta": "ζ", "dead_time_s": "dead time"}
 # Estimates that stand as the nonlinear model
 USED = {"levels-first": "levels first, then the curves", "joint": "all levels at once, as in the paper, as you asked"}
 
@@ -44,7 +43,7 @@ def fit_summary(fit: "Fit") -> list[str]:
         f"{fit.data.kind}: {span(fit.data.levels, fit.data.input_unit)}; {runs(fit, 'run')}",
         *answer(fit),
         usable_line(fit),
-        *(f"{WORD[one.severity]}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST]),
+        *(f"{WORD[one.severity]}: {say(one)}" for one in ranked(merged(fit.findings))[:MOST_TOLD]),
     ]
 
 
@@ -126,7 +125,7 @@ def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     per = f" {'/'.join(both)}" if all(both) else ""
     units = {"gain": per, "gain_below": per, "omega": " rad/s", "zeta": "", "C": ""}
     for key, (value, ends) in part.numbers.items():
-        name = "τ" if key == "tau1" and part.kind == "lag" else CALLED.get(key, key)
+        name = "τ" if key == "tau1" and part.kind == "lag" else NUMBER_NAMES.get(key, key)
         span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
         unit = units.get(key, " s")
         if part.paced and key in LAGS:
@@ -155,13 +154,13 @@ def _held(fit: "Fit") -> list[str]:
 def warned(fit: "Fit") -> tuple[str, ...]:
     """The three gravest findings that are more than notes, by their codes, and what they mean for all else."""
     grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"]
-    return tuple(in_short(one) + MEANT.get(one.code, "") for one in grave[:MOST])
+    return tuple(in_short(one) + MEANT.get(one.code, "") for one in grave[:MOST_TOLD])
 
 
 def usable_line(fit: "Fit") -> str:
     """Whether it may be used, and its gravest warnings: the last line of its answer."""
     said, left = ", ".join(warned(fit)), fit.verdict.not_at
-    but = f", not at {listed(left, fit.data.input_unit)}" if left else ""
+    but = f", not at {enumerated(left, fit.data.input_unit)}" if left else ""
     if not fit.verdict.usable:
         return f"stop   {said}"
     return f"usable yes{but}, {f'warned: {said}' if said else 'no warnings'}"
@@ -169,8 +168,8 @@ def usable_line(fit: "Fit") -> str:
 
 def of_fit(fit: "Fit") -> list[str]:
     """What of a fit's warnings matters to what is made of it, and what it means, in one line; none without."""
-    about = [one for one in fit.verdict.warnings if one.subject in MODELS or one.code in MEANT]
-    about = sorted(about, key=lambda one: one.code not in MEANT)[: MOST + 1]
+    about = [one for one in fit.verdict.warnings if one.subject in MODEL_PARTS or one.code in MEANT]
+    about = sorted(about, key=lambda one: one.code not in MEANT)[: MOST_TOLD + 1]
     said = (f"{in_short(one)}{MEANT.get(one.code, '')}" for one in about)
     return [f"of a fit that warned: {', '.join(said)}"] if about else []
 

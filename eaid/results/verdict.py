@@ -14,7 +14,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import in_python
-from eaid.findings import Finding, finding, listed, merged, ranked, say, stops
+from eaid.findings import Finding, enumerated, finding, merged, ranked, say, stops
 from eaid.plant import linear
 from eaid.plant.dynamics import CHECKED_INPUTS, Plant
 from eaid.plant.respond import from_rest
@@ -24,7 +24,7 @@ from eaid.shown import counted
 if TYPE_CHECKING:
     from eaid.results.fit import Fit
 
-MODELS = ("friction", "nonlinear", "linear", "release")
+MODEL_PARTS = ("friction", "nonlinear", "linear", "release")
 PLANT_MODELS = ("nonlinear", "release")  # Models that a replay's plant is made of
 TIMES_REACHED = 10.0  # Steady output over the largest that was reached, from which it is none that the data show
 FACTOR = 100.0  # Ends of an interval so far apart say nothing
@@ -56,7 +56,7 @@ class Verdict(msgspec.Struct, frozen=True):
         if self.reasons:
             return f"NOT USABLE: {self.why}"
         said = f": {', '.join(map(in_short, self.warnings))}" if self.warnings else ""
-        usable = f"usable{f', not at {listed(self.not_at)}' if self.not_at else ''}"
+        usable = f"usable{f', not at {enumerated(self.not_at)}' if self.not_at else ''}"
         return f"{usable}; {counted(len(self.warnings), 'warning')}{said}" if said else usable
 
     @property
@@ -81,7 +81,7 @@ class Verdict(msgspec.Struct, frozen=True):
 
     def of(self, *models: str) -> "Verdict":
         """The verdict on some of the models: what speaks against others alone is left out."""
-        others = set(MODELS).difference(models)
+        others = set(MODEL_PARTS).difference(models)
         both = (tuple(one for one in some if one.subject not in others) for some in (self.reasons, self.warnings))
         return Verdict(*both)
 
@@ -108,14 +108,14 @@ def judged(fit: "Fit") -> "Fit":
 def failures(fit: "Fit") -> list[Finding]:
     """What the numbers of the models themselves say against them."""
     found = []
-    for name in MODELS:
+    for name in MODEL_PARTS:
         solver = getattr(getattr(fit, name), "solver", None)
         if solver is not None and not solver.converged:
             found.append(finding("fit-not-converged", name, predicted_decrease=solver.predicted_decrease))
     if fit.converged is False and not found:
         found.append(finding("fit-not-converged", "fit"))
     shapeless = (any(said.code == "shape-explains-little" for said in one.findings) for one in fit.steps)
-    if fit.steps and not any(getattr(fit, name) for name in MODELS) and all(shapeless):
+    if fit.steps and not any(getattr(fit, name) for name in MODEL_PARTS) and all(shapeless):
         found.append(finding("no-step-has-a-shape", "steps"))
     played = [one.fit_pct for one in fit.data.replayed if one.fit_pct is not None]
     missed = {u for one in fit.findings if one.code == "curve-misses-levels" for u in one.levels}

@@ -25,7 +25,7 @@ from eaid.replay.compare import of_own_logs
 from eaid.results import models as parts
 from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
-from eaid.results.parameters import table_of
+from eaid.results.parameters import parameters_of
 from eaid.results.responses import LevelResponse, ResponseIntervals, responses_of
 from eaid.sessions.gather import MANY, RESPONSES, logs_of, together, values_of
 from eaid.sessions.model import NO_STEPS, Known, Next, between, steps_known
@@ -76,7 +76,7 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     told = ranked((*_told(rig, steps["Ts"], foreseen), *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
     replayed = () if isinstance(step, Fit) else of_own_logs(made, step.logs)
-    return replace(made, parameters=table_of(made), data=replace(data, replayed=replayed))
+    return replace(made, parameters=parameters_of(made), data=replace(data, replayed=replayed))
 
 
 def _fitted(base: Fit, steps: StepSet) -> Fit:

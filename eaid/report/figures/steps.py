@@ -134,7 +134,7 @@ def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
     return Sheet([steps_panel(data, curves)], 3.2)
 
 
-MOST = 12  # Most steps from level to level that are drawn
+MOST_LEVEL_STEPS = 12  # Most steps from level to level that are drawn
 HELD_LOOKS = ((ink.BLUE, "-"), (ink.VERMILLION, "--"), (ink.GREEN, "-."))  # Of Fig. 6, the highest level first
 
 
@@ -165,7 +165,7 @@ def level_steps_panel(data: StepSet, shapes: Sequence[StepShape]) -> Panel:
 
     curves = [
         (step.time_s, step.output - shape.start, None, called(shape), "", partial(change, shape))
-        for step, shape in some_of(paired(data, shapes), MOST)
+        for step, shape in some_of(paired(data, shapes), MOST_LEVEL_STEPS)
     ]
     return curves_panel(curves, Axis("Change of output", data.output_unit))
 

@@ -19,7 +19,7 @@ from eaid.results.models import Trend
 from eaid.results.summary import ENDLESS_S
 
 VALUES = ("Ts", "tau1", "tau2")
-NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2",
+VALUE_NAMES = {"Ts": "Steady value T_s", "tau1": "Fast constant τ1", "tau2": "Slow constant τ2",
          "C_f": "Friction coefficient C_f"}  # fmt: skip
 TALL = 1.6  # An interval that reaches beyond so many times its value does not set the axis
 
@@ -46,7 +46,7 @@ def value_panel(
     if published is not None and (published.y < 1.1 * top).any():  # no name of a line that the axis does not hold
         lines.append(replace(published, name="published", color=ink.VERMILLION, dash=":", width=1.1))
     unit = {"C_f": "1", "Ts": fit.data.output_unit}.get(name, "s")
-    y = Axis(NAMES[name], unit, (0.0, 1.1 * top) if top else (None, None))
+    y = Axis(VALUE_NAMES[name], unit, (0.0, 1.1 * top) if top else (None, None))
     return Panel(x, y, lines, legend="over" if legend else "", columns=6, tight=False)
 
 

@@ -19,11 +19,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eaid.export.export import offered
-from eaid.findings import Finding, advised
-from eaid.findings.finding import WORD, listed
+from eaid.findings import Finding, advised, enumerated
+from eaid.findings.finding import MOST_TOLD, WORD
 from eaid.report import live
 from eaid.report.page import summary
-from eaid.report.page.summary import GRADES, MOST, Known, sentence
+from eaid.report.page.summary import GRADES, Known, sentence
 from eaid.report.results import EXPERIMENT_NAMES, Given, Results
 from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, shown, table_of
 from eaid.sessions.compare import Comparison
@@ -40,7 +40,7 @@ KIND_FIGURES = {
 
 
 @dataclass(frozen=True)
-class Drawn:
+class PageFigure:
     """A figure as the page shows it."""
 
     name: str
@@ -56,7 +56,7 @@ class Drawn:
         return self.size_px[0] < 480
 
 
-Figures = dict[str, Drawn]
+Figures = dict[str, PageFigure]
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Block:
     """A part of the page, or what stands closed in it under a line that counts and names it."""
 
     title: str
-    figures: tuple[Drawn, ...] = ()
+    figures: tuple[PageFigure, ...] = ()
     tables: tuple[Table, ...] = ()
     findings: tuple[tuple[str, str], ...] = ()  # Severity and sentence of each
     lines: tuple[str, ...] = ()  # Command lines
@@ -80,7 +80,7 @@ class Block:
     def names(self) -> str:
         """What there is, by name."""
         figures = [figure.title.split(" · ")[-1] for figure in self.figures]
-        return listed([*figures, *(table.heading for table in self.tables)])
+        return enumerated([*figures, *(table.heading for table in self.tables)])
 
 
 def parts(results: Results, drawn: Figures) -> list[Block]:
@@ -125,13 +125,13 @@ def _files(results: Results) -> Table:
     )  # fmt: skip
 
 
-def _of(drawn: Figures, *names: str) -> tuple[Drawn, ...]:
+def _of(drawn: Figures, *names: str) -> tuple[PageFigure, ...]:
     """Figures by name, but for those that a part before has shown."""
     return tuple(drawn.pop(name) for name in names if name in drawn)
 
 
 def _block(
-    title: str, figures: Sequence[Drawn], tables: Iterable[Table], findings: Sequence[tuple[str, str]] = ()
+    title: str, figures: Sequence[PageFigure], tables: Iterable[Table], findings: Sequence[tuple[str, str]] = ()
 ) -> list[Block]:
     """Figures, tables that have rows and findings under one title; none where there is nothing."""
     block = Block(title, tuple(figures), tuple(table for table in tables if table.rows), tuple(findings))
@@ -152,16 +152,16 @@ def _of_another_kind(results: Results, kind: str) -> tuple[tuple[str, str], ...]
 
 
 def _part(
-    title: str, known: Known, figures: Sequence[Drawn], tables: Iterable[Table], folds: Sequence[Block] = (),
+    title: str, known: Known, figures: Sequence[PageFigure], tables: Iterable[Table], folds: Sequence[Block] = (),
     open_figures: int = 1,
 ) -> Block:  # fmt: skip
     """A part with its first figures, its gravest findings and its first table; what else there is stands folded."""
     findings = _told(known.get(title.lower(), ()), title == "Data")
-    more = [Block("More to know", findings=findings[MOST:])] if len(findings) > MOST else []
+    more = [Block("More to know", findings=findings[MOST_TOLD:])] if len(findings) > MOST_TOLD else []
     rows = [table for table in tables if table.rows]
     shown = [table for table in rows[:1] if len(table.rows) <= OPEN_ROWS]
     more += _block(f"More on the {title.lower()}", figures[open_figures:], rows[len(shown) :])
-    return Block(title, tuple(figures[:open_figures]), tuple(shown), findings[:MOST], folds=(*more, *folds))
+    return Block(title, tuple(figures[:open_figures]), tuple(shown), findings[:MOST_TOLD], folds=(*more, *folds))
 
 
 def _sessions(results: Results, known: Known, drawn: Figures) -> Block | None:
@@ -331,7 +331,7 @@ def commands(results: Results) -> list[str]:
 WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}
 
 
-def page(results: Results, drawn: Sequence[Drawn], pictures: Sequence[Drawn]) -> str:
+def page(results: Results, drawn: Sequence[PageFigure], pictures: Sequence[PageFigure]) -> str:
     """The whole page as text."""
     library = live.script() if any(one.live for one in drawn) else ""
     starter = _asset("page.js")

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.errors import on_command_line
-from eaid.findings import Finding, listed, merged, ranked, say
+from eaid.findings import Finding, enumerated, merged, ranked, say
+from eaid.findings.finding import MOST_TOLD
 from eaid.report.figures import replays, sessions, steps, values
 from eaid.report.figures.residuals import residuals
 from eaid.report.panels import Axis, Panel, Sheet
@@ -24,10 +25,10 @@ from eaid.results.verdict import in_short
 from eaid.sessions.compare import CLAIMED
 from eaid.shown import counted, number, span
 
-MODELS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model", "release": "release"}
+MODEL_WORDS = {"friction": "friction curves", "nonlinear": "nonlinear model", "linear": "linear model",
+               "release": "release"}  # fmt: skip
 # Findings of single runs that say how far the model is from them
 ABOUT_THE_CURVE = {"shape-misses", "other-shape-fits-better"}
-MOST = 3  # Findings of a part that are shown; the rest are folded
 
 Known = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, the gravest first
 
@@ -41,7 +42,7 @@ def known(results: Results) -> Known:
         "sessions": [one for given in results.rigs for one in given.result.findings],
     }  # fmt: skip
     for one in (one for fit in results.fits for one in fit.result.findings):
-        of_the_model = one.subject in (*MODELS, "fit", "plant") or one.code in ABOUT_THE_CURVE
+        of_the_model = one.subject in (*MODEL_WORDS, "fit", "plant") or one.code in ABOUT_THE_CURVE
         found["model" if of_the_model else "data"].append(one)
     for part, group in found.items():  # each once: a fit repeats what its data already said
         found[part] = list({(one.code, one.subject, one.levels): one for one in group}.values())
@@ -51,7 +52,7 @@ def known(results: Results) -> Known:
 def sentence(one: Finding, of_data: bool = False) -> str:
     """A finding in words, with a capital and a full stop, options as the command line has them."""
     said = on_command_line(say(one)).rstrip(".")
-    about = f"{MODELS[one.subject]}: " if one.subject in MODELS else ""
+    about = f"{MODEL_WORDS[one.subject]}: " if one.subject in MODEL_WORDS else ""
     if of_data and one.subject != "data" and one.subject not in said:
         return f"{one.subject}: {said}."  # a run, by its name
     text = f"{about}{said}"
@@ -159,11 +160,11 @@ def _counted(findings: Sequence[Finding], unit: str = "") -> str:
     kinds = ((counts["stop"], "stop"), (counts["caution"], "warning"))
     said = ", ".join(counted(count, word) for count, word in kinds if count)
     names = []
-    for one in grave[:MOST]:
+    for one in grave[:MOST_TOLD]:
         at = f" at {level_text(one.levels[0], unit)}" if len(one.levels) == 1 else ""
         suspected = one.code == "several-sessions"
         names.append(f"{one.values['sessions']} sessions suspected" if suspected else in_short(one) + at)
-    return f"{said}: {', '.join(dict.fromkeys(names))}{', …' * (len(grave) > MOST)}" if grave else "no warning"
+    return f"{said}: {', '.join(dict.fromkeys(names))}{', …' * (len(grave) > MOST_TOLD)}" if grave else "no warning"
 
 
 def _data(results: Results, known: Known) -> Light:
@@ -193,7 +194,7 @@ def _model(results: Results, known: Known) -> Light:
         percent = fit.plant_.tried[0].fit_pct
     left, held = fit.verdict.not_at, getattr(fit.recorded and fit.recorded.hold_out, "held_pct", None)
     unseen = "" if held is None else f", {number(held, 3)} % of what was left out"
-    usable = f"usable{f', not at {listed(left, fit.data.input_unit)}' if left else ''}"
+    usable = f"usable{f', not at {enumerated(left, fit.data.input_unit)}' if left else ''}"
     explains = "" if percent is None else f", fits {number(percent, 3)} %{unseen} (100 % = perfect)"
     lead = f"{usable}{explains}; "
     return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")

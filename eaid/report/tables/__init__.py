@@ -76,14 +76,14 @@ class Table:
         return heads, rows
 
 
-Head = str | tuple[str, str] | tuple[str, str, int]  # Head, unit and digits of a column
+ColumnHead = str | tuple[str, str] | tuple[str, str, int]  # Head, unit and digits of a column
 # A column: its head, and what it shows of an item: an attribute by name, or a function
-Part = tuple[Head, str | Callable[[T], Cell]]
-INTERVAL: Head = ("95 % interval", "", 3)
+Part = tuple[ColumnHead, str | Callable[[T], Cell]]
+INTERVAL: ColumnHead = ("95 % interval", "", 3)
 NOT_KNOWN = "not known"
 
 
-def columns(*heads: Head) -> tuple[Column, ...]:
+def columns(*heads: ColumnHead) -> tuple[Column, ...]:
     """Columns from their heads, units and digits."""
     return tuple(Column(head) if isinstance(head, str) else Column(*head) for head in heads)
 

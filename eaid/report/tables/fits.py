@@ -6,7 +6,7 @@ from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.linear import PAPER_LINEAR
 from eaid.report import rig as published
-from eaid.report.rig import gain, of_the_paper
+from eaid.report.rig import gain_unit, of_the_paper
 from eaid.report.tables import INTERVAL, OUTSIDE, Cell, Name, Table, level, outside, table_of
 from eaid.results.common import ci95_of
 from eaid.results.fit import Fit
@@ -161,7 +161,7 @@ def input_gain_table(fit: Fit) -> Table:
     return table_of(
         "Input gain of each level", caption, part.per_level,
         (("level", unit), lambda one: level(one.level)), (("a0", "1/s"), "a0"), (("steady value", out), "gain"),
-        ("b0", "b0"), (("c0", f"{out}/s"), "c0"), (("B", gain(unit, out)), "B"),
+        ("b0", "b0"), (("c0", f"{out}/s"), "c0"), (("B", gain_unit(unit, out)), "B"),
         (INTERVAL, lambda one: ci95_of(one, "B")), (("RMSE", out, 3), "rmse"),
     )  # fmt: skip
 

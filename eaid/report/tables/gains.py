@@ -6,7 +6,7 @@ from operator import itemgetter
 from eaid.apparatus import PAPER
 from eaid.control.kinds import LAW_KINDS
 from eaid.report import rig
-from eaid.report.rig import controller_name, gain
+from eaid.report.rig import controller_name, gain_unit
 from eaid.report.tables import Cell, Table, level, table_of
 from eaid.results.coupling import Coupling
 from eaid.results.gains import PI, Compared, Condition, Gains, Margin, Margins, Robust
@@ -181,7 +181,7 @@ def table_iv(gains: Gains) -> Table:
     rc, pi = gains.rc, gains.pi
     on_papers_rig = (gains.input_unit, gains.output_unit) == PAPER["clutch"]
     unit, out = gains.input_unit, gains.output_unit
-    per = gain(unit, out)
+    per = gain_unit(unit, out)
     rows: list[tuple[str, str | None, Cell, str, str]] = []
     if rc is not None:
         chosen = (
