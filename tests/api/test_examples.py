@@ -5,7 +5,6 @@ import doctest
 import importlib
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -62,7 +61,7 @@ def test_the_tutorial_shows_what_its_code_gives(tmp_path, monkeypatch):
     matplotlib.use("Agg")
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     notebook = nbformat.read(ROOT / "docs" / "tutorial.ipynb", 4)
-    names: dict[str, Any] = {}
+    names = {}
     for cell in (cell for cell in notebook.cells if cell.cell_type == "code"):
         value = value_of(cell.source, names)
         kept = [out["data"]["text/plain"] for out in cell.outputs if "text/plain" in out.get("data", {})]
@@ -77,7 +76,7 @@ def test_the_readmes_notebook_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     eaid.synth(levels=(20.0, 60.0, 100.0), repeats=2, rate_hz=50.0, seed=1).save("logs")
     block = (ROOT / "README.md").read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
-    names: dict[str, Any] = {}
+    names = {}
     exec(block, names)
     assert names["fit"].verdict.usable and set(names["run"].to_frame()["name"]) == {"rc", "pi"}
     assert (tmp_path / "notebook-report" / "report.html").is_file()

@@ -154,7 +154,7 @@ def whole(page):
 def files(tmp_path_factory):
     """Name → file: data, fits, gains and replays of small synthetic sets."""
     folder = tmp_path_factory.mktemp("results")
-    made: dict[str, Path] = {}
+    made = {}
     sets = {
         "clutch": ("20,40,60,80,100", "20", "50", "4"),
         "friction-force": ("17,51,85,119,153,170", "30", "50", "0"),

@@ -34,8 +34,8 @@ def opened(browser, page, **options):
     context = browser.new_context(**options)
     context.set_offline(True)
     tab = context.new_page()
-    faults: list[str] = []
-    requests: list[str] = []
+    faults = []
+    requests = []
     tab.on("console", lambda said: faults.append(said.text) if said.type in ("error", "warning") else None)
     tab.on("pageerror", lambda fault: faults.append(str(fault)))
     tab.on("request", lambda request: requests.append(request.url))

@@ -1,7 +1,6 @@
 """A fit that must not be used leaves its mark: gains.json, replay.h5, every page and every figure of them."""
 
 import json
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -30,7 +29,7 @@ def shaky(tmp_path_factory):
     gains = eaid.tune_rc(fit, anyway=True)
     replay = eaid.simulate(fit, gains, "steps", duration=9.0)
     inverse = eaid.simulate(fit, None, "steps", controller=("inverse",), duration=9.0)
-    results: tuple[Any, ...] = (steps, fit, gains, replay, inverse)
+    results = (steps, fit, gains, replay, inverse)
     for name, result in zip(made, results, strict=True):
         result.save(made[name])
     return made

@@ -4,7 +4,6 @@ import hashlib
 import json
 import re
 import shlex
-from typing import Any
 
 import html5lib
 import numpy as np
@@ -348,7 +347,7 @@ def test_no_command_is_offered_that_would_be_refused(wrong, report_of):
 
 
 def test_what_no_command_mends_is_said_in_its_place(report_of, tmp_path):
-    fit: dict[str, Any] = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
+    fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
     gains = gains_of(fit)
     (tmp_path / "a.csv").touch()
     values = {"times": 9.0, "e": 0.0, "low": -0.3, "high": 0.3, "worst": 50.0, "of": 1, "lost_pct": 25.0,

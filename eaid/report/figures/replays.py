@@ -143,7 +143,7 @@ def log_panels(
 
 
 # Mode → pale ground and name; the paper's blue, red and green
-GROUNDS = {
+LOOKS = {
     "soft": ("#CFE6F5", "resistive, soft"),
     "hard": ("#F9DCCB", "resistive, hard"),
     "assisted": ("#D3EDE0", "assisted"),
@@ -170,10 +170,10 @@ def training(replay: Replay) -> Sheet | None:
     t, target, angle, desired, rendered = (
         trace[key] for key in ("time_s", "target_deg", "angle_deg", "desired_nm", "rendered_nm")
     )
-    spans = [Span(start, end, GROUNDS.get(name, (ink.PALE, ""))[0]) for name, start, end in stretches]
+    spans = [Span(start, end, LOOKS.get(name, (ink.PALE, ""))[0]) for name, start, end in stretches]
     spans += [Span(start, start, ink.BLACK) for _name, start, _end in stretches]  # told apart in grey, too
     heads = [
-        ink.Note(GROUNDS.get(name, ("", name))[1], (a + b) / 2, 1.02, "y", va="bottom") for name, a, b in stretches
+        ink.Note(LOOKS.get(name, ("", name))[1], (a + b) / 2, 1.02, "y", va="bottom") for name, a, b in stretches
     ]
     rows = (
         (Axis("Angle", "°"), [Line(t, target, "target", ink.BLACK, "--"), Line(t, angle, "angle", ink.BLUE)]),
@@ -196,7 +196,7 @@ def errors(replay: Replay) -> Sheet | None:
     skip = replay.head.exercise.uncounted_s if replay.head.exercise is not None else 5.0
     t, error = trace["time_s"], np.abs(trace["target_deg"] - trace["angle_deg"])
     by_mode = {name: error[(t >= start + skip - 1e-9) & (t <= end)] for name, start, end in stretches}
-    looks = [(*GROUNDS.get(name, (ink.PALE, name)), values) for name, values in by_mode.items() if len(values)]
+    looks = [(*LOOKS.get(name, (ink.PALE, name)), values) for name, values in by_mode.items() if len(values)]
     if not looks:
         return None
     hatches = ("", "////", "....", "xxxx")
