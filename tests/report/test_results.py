@@ -76,6 +76,35 @@ def test_results_in_memory_make_the_figures_of_their_files(files, tmp_path, repo
     assert (tmp_path / "memory/figures/model_over_duty.png").read_bytes() == other.read_bytes()
 
 
+def test_figures_for_papers_hold_their_fonts_and_what_was_made_is_named(files, tmp_path, run_eaid):
+    out, figure = tmp_path / "deep/report", tmp_path / "deep/report/figures/fig04_friction_over_stress"
+    words = ["report", files["friction-force.json"], "-o", out, "--figures", "fig04", "--format", "pdf,svg"]
+    ran = run_eaid(*words, "--json")
+    assert json.loads(ran.out)["figures"] == [figure.name]
+    assert ran.err.endswith(f"{out}/report.html: 1 figure; next: open it in a browser\n")
+    assert names_in(out) == [*(f"figures/{figure.name}.{kind}" for kind in ("pdf", "png", "svg")), "report.html"]
+    pdf, svg = figure.with_suffix(".pdf").read_bytes(), figure.with_suffix(".svg").read_text(encoding="utf-8")
+    assert b"/FontFile2" in pdf and b"/Type3" not in pdf and b"CreationDate" not in pdf
+    assert "<text" not in svg and "<dc:date>" not in svg  # letters are outlines: the same look without the font
+    png = figure.with_suffix(".png").read_bytes()
+    at = png.index(b"pHYs")
+    assert int.from_bytes(png[at + 4 : at + 8]) == 11811  # pixels per metre: 300 dpi
+    assert int.from_bytes(png[16:20]) == 2148  # 7.16 in
+    told = "exists already; give --force to overwrite the report, or another --output\n"
+    assert run_eaid(*words).err == f"error: {out}/report.html: {told}"
+
+
+def test_the_logs_behind_a_fit_are_drawn_where_they_still_are_what_they_were(tmp_path, run_eaid, report):
+    logs, fit = tmp_path / "logs", tmp_path / "fit.json"
+    assert run_eaid("synth", "--levels", "20,60", "--hold", "15", "--rate-hz", "20", "-q", "-o", logs).code == 0
+    assert run_eaid("fit", logs, "--model", "friction", "--ci", "none", "-q", "-o", fit).code == 0
+    drawn = report(fit, "--figures", "fig07").path.parent / "figures/fig07_nonlinear_model.png"
+    log = next(logs.glob("*.csv"))
+    log.write_text(log.read_text() + "\n")
+    changed = report(fit, "--figures", "fig07").path.parent / "figures/fig07_nonlinear_model.png"
+    assert drawn.is_file() and not changed.exists()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("held", ["report.html", "figures/model_over_duty.png", "figures/fig07_nonlinear_model.svg"])
 def test_without_force_nothing_is_written_over(files, tmp_path, held, run_eaid):

@@ -172,9 +172,7 @@ def training(replay: Replay) -> Sheet | None:
     )
     spans = [Span(start, end, LOOKS.get(name, (ink.PALE, ""))[0]) for name, start, end in stretches]
     spans += [Span(start, start, ink.BLACK) for _name, start, _end in stretches]  # told apart in grey, too
-    heads = [
-        ink.Note(LOOKS.get(name, ("", name))[1], (a + b) / 2, 1.02, "y", va="bottom") for name, a, b in stretches
-    ]
+    heads = [ink.Note(LOOKS.get(name, ("", name))[1], (a + b) / 2, 1.02, "y", va="bottom") for name, a, b in stretches]
     rows = (
         (Axis("Angle", "°"), [Line(t, target, "target", ink.BLACK, "--"), Line(t, angle, "angle", ink.BLUE)]),
         (Axis("Position\nerror", "°"), [Line(t, target - angle, "position error", ink.BLUE)]),
