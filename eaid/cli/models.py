@@ -2,6 +2,7 @@
 
 import shlex
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import eaid
 from eaid.cli import console
@@ -11,6 +12,9 @@ from eaid.errors import UsageError, on_command_line
 from eaid.files import refuse_folder, refuse_to_overwrite, written_whole
 from eaid.options import LOGS, FitOptions, PlanOptions, ReadOptions, SynthOptions
 from eaid.shown import counted
+
+if TYPE_CHECKING:
+    from eaid.report.tables import Table
 
 FOLLOW = "At the rig"
 NOT_TO_BE_USED = 4  # Exit code of a fit whose verdict is that it must not be used; it is written, marked
@@ -69,7 +73,6 @@ def fit(
     """
     from eaid.logs.folders import files_read
     from eaid.reading import read_steps
-    from eaid.report.tables.fits import model_tables
     from eaid.results.summary import answer, runs, usable_line, verdict_line
 
     if follow is None:
@@ -83,7 +86,11 @@ def fit(
     result.save(output, args.force)
     usable = result.verdict.usable
     lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {_next(result, output)}"
-    shown = [*map(on_command_line, lines), *(model_tables(result) if args.verbose else ())]
+    shown: list[Table | str] = [*map(on_command_line, lines)]
+    if args.verbose:  # all that tables need takes its time to import
+        from eaid.report.tables.fits import model_tables
+
+        shown += model_tables(result)
     tell_result(args, result, shown, result.findings)
     models = ("friction", "nonlinear", "linear", "release", "steps")
     parts = ", ".join(name for name in models if getattr(result, name)) or "no model"
