@@ -43,7 +43,7 @@ print(curve_fit(curve, X, y, p0=start, maxfev=20000)[0])
 def rows() -> Iterator[Row]:
     bare = process(PYTHON, "-c", "import typer")
     for name in ("", *COMMANDS):
-        command = process(PYTHON, "-m", "eaid", *name.replace("_", "-").split(), "--help")
+        command = process(PYTHON, "-m", "eaid", *name.split(), "--help")
         (ours, other), most = paired_medians(command, bare, RUNS), 4 if name else 3
         yield Row(
             f"eaid {name} --help", "eaid", ours, "import typer", other, f"≤ {most:g} × the time", ours <= most * other

@@ -17,7 +17,7 @@ def commands() -> str:
     from eaid.cli.main import COMMANDS, load_command
 
     parts = ["# Commands", "Every option of every command, made from `eaid COMMAND --help`."]
-    for name in (name.replace("_", "-") for name in COMMANDS):
+    for name in COMMANDS:
         command = load_command(name)
         parts += [f"## eaid {name}", inspect.cleandoc(command.help or "").replace("\f", "")]
         rows = ["| option | meaning | default |", "|---|---|---|"]

@@ -86,9 +86,8 @@ class Options:
 
     def given(self) -> dict[str, Any]:
         """The options that differ from their defaults."""
-        return {
-            name: getattr(self, name) for name, form in forms(type(self)).items() if getattr(self, name) != form.default
-        }
+        values = {name: (getattr(self, name), form.default) for name, form in forms(type(self)).items()}
+        return {name: value for name, (value, default) in values.items() if value != default}
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,9 @@ from eaid.apparatus import Apparatus
 from eaid.declared import Options, any_text, as_typed, option, pairs, spaced
 from eaid.errors import UsageError, unknown
 
+Pair = tuple[float, float]
+Numbers = tuple[float, ...]
+Words = tuple[str, ...]
 ExperimentKind = Literal["clutch", "friction-force", "friction-speed"]
 EXPERIMENTS: tuple[ExperimentKind, ...] = ("clutch", "friction-force", "friction-speed")
 MODELS = ("friction", "nonlinear", "linear")
@@ -147,7 +150,7 @@ def typed(given: Mapping[str, Any]) -> str:
 class FitOptions(Chance):
     """How steps and recorded logs are fitted."""
 
-    model: tuple[str, ...] | None = option(None, "By itself all that the kind allows.", MODEL, words=MODELS)
+    model: Words | None = option(None, "By itself all that the kind allows.", MODEL, words=MODELS)
     share: float | Literal["free"] = option(
         0.85, "C, share of the fast part, held or free.", MODEL, least=0, most=0.999, above=True
     )
@@ -157,11 +160,9 @@ class FitOptions(Chance):
     )
     ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|white|none")
     draws: int = option(300, "Refits of the bootstrap.", MODEL, least=1, most=100_000)
-    hold_out: tuple[float, ...] = option((), "Left out, to measure the error: 40,70.", MODEL, levels=True)
+    hold_out: Numbers = option((), "Left out, to measure the error: 40,70.", MODEL, levels=True)
     loss: str = option("squares", "Huber for logs with spikes and drop-outs.", MODEL, words="squares|huber")
-    duty: tuple[float, float] | None = option(
-        None, "Identified range of the input.", RECORDED, shown="LOW:HIGH", rises="<="
-    )
+    duty: Pair | None = option(None, "Identified range of the input.", RECORDED, shown="LOW:HIGH", rises="<=")
     bounds_levels: str | None = option(None, "Levels of B_m and B_M: 30:100 or 30,40.", ADVANCED, levels=True)
     shape: str = option(
         "auto", "Of steps between levels; auto: by the evidence.", ADVANCED, words="auto|one|two|free|overshoot"
@@ -199,12 +200,12 @@ class TuneOptions(Chance):
     )
     q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
     phi: Literal["data"] | float | None = option(None, "By itself 0.05; data: by the model.", ROBUST)
-    pi_gains: tuple[float, float] | None = option(
+    pi_gains: Pair | None = option(
         None, "Its gains; by itself designed from the fit, the paper's are 21,360.", PI, shown="K_P,K_I", **ANY
     )
     pi_overshoot: float | None = option(None, "Or designed: overshoot on the linear model [%].", PI, **ANY)
     pi_settling: float | None = option(None, "And settling time, 2 % band [s].", PI, **ANY)
-    duty_limits: tuple[float, float] | None = option(None, "By itself 0,100 % or as identified.", RIG, shown="LOW,HIGH")
+    duty_limits: Pair | None = option(None, "By itself 0,100 % or as identified.", RIG, shown="LOW,HIGH")
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG, **RATE)
     pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)
     epsilon: float | None = option(None, "ε, half width of the boundary layer; by itself 0.5.", ADVANCED, **POSITIVE)
@@ -245,7 +246,7 @@ class Rig(Options):
 class SimulateOptions(Chance, Rig):
     """What is replayed, on what rig, with what limb."""
 
-    controller: tuple[str, ...] | None = option(None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS)
+    controller: Words | None = option(None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS)
     scenario: str | None = option(None, "By itself multisine.", WHAT, words=SCENARIOS)
     duration: float | None = option(None, "Length of steps, multisine or rehab [s].", WHAT, above=True)
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself the gains', else 1000.", RIG, **RATE)
@@ -271,14 +272,14 @@ class SimulateOptions(Chance, Rig):
 class CoupleOptions(Options):
     """The limb, the timing, the torques and the loops."""
 
-    loops: tuple[str, ...] = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
+    loops: Words = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself the gains', or the rig's.", LOOP, **RATE)
     pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP)
     delay_samples: int = option(
         0, "From reading to duty [samples]; 0: the dead time that the fit shows.", LOOP, least=0, most=100_000
     )
     replay: bool = option(True, "Also bisect replays of the nonlinear plant.", LOOP)
-    torque: tuple[float, ...] = option((), "Torques held; by itself four over the fitted range.", LIMB, shown="1,2,3")
+    torque: Numbers = option((), "Torques held; by itself four over the fitted range.", LIMB, shown="1,2,3")
     wall: float | None = option(None, "A stiffness that has to be rendered [N·m/rad].", LIMB, above=True)
     virtual_damping: float = option(0.0, "B_v of the wall [N·m·s/rad].", LIMB)
     limb_inertia: float = option(0.1, "[kg·m²]", LIMB, least=1e-6, most=1e6)
@@ -318,7 +319,7 @@ class ExportOptions(Options):
     """Target, laws and timing of an export."""
 
     target: str = option("c", "Language or format.", LOGS, "--as", words="c|arduino|matlab|fmu|yaml")
-    law: tuple[str, ...] | None = option(None, "By itself all that the files hold.", LOGS, words=LAWS)
+    law: Words | None = option(None, "By itself all that the files hold.", LOGS, words=LAWS)
     precision: Literal["double", "single"] = option("double", "Of the numbers.", LOGS)
     rate_hz: float | None = option(None, "Control rate, baked in [Hz]; by itself the gains'.", RIG, **RATE)
     duty_on_fault: float = option(0.0, "Duty while an input is no number.", RIG, least=-1e9, most=1e9)
@@ -329,12 +330,10 @@ class ExportOptions(Options):
 class Limits(Options):
     """What a rig allows of a planned sequence of inputs."""
 
-    duty: tuple[float, float] = option(
+    duty: Pair = option(
         (10.0, 100.0), "Lowest and highest input above rest.", RIG, shown="10:100", above=True, rises="<"
     )
-    hold_s: tuple[float, float] = option(
-        (0.3, 30.0), "Shortest and longest hold [s].", RIG, shown="0.3:30", above=True, rises="<="
-    )
+    hold_s: Pair = option((0.3, 30.0), "Shortest and longest hold [s].", RIG, shown="0.3:30", above=True, rises="<=")
     rest_s: float = option(5.0, "Length of a return to rest, and of the rest before the first level [s].", RIG)
     engagements: int = option(4, "Stretches under load between rests, at least.", RIG, least=1, most=1000)
     work_s: float = option(0.0, "Longest stretch under load [s]; 0: any.", RIG)
@@ -371,11 +370,9 @@ class Excitation(Options):
 
     kind: str = option("random", "What the input does.", INPUTS, words=EXCITATIONS)
     duration_s: float = option(240.0, "[s]", INPUTS, above=True)
-    duty: tuple[float, float] | None = option(None, "Lowest and highest input.", INPUTS, shown="10:100", rises="<")
+    duty: Pair | None = option(None, "Lowest and highest input.", INPUTS, shown="10:100", rises="<")
     levels: int = option(10, "Different levels of a staircase or of random steps.", INPUTS, least=2, most=10_000)
-    hold_s: tuple[float, float] = option(
-        (0.5, 20.0), "Shortest and longest hold [s].", INPUTS, shown="0.3:30", above=True, rises="<="
-    )
+    hold_s: Pair = option((0.5, 20.0), "Shortest and longest hold [s].", INPUTS, shown="0.3:30", above=True, rises="<=")
     idle_s: float = option(2.0, "Input 0 at first [s].", INPUTS)
     rest_s: float = option(0.0, "Return to 0 after every `levels` holds of random steps [s]; 0: none.", INPUTS)
     rate_hz: float = option(1000.0, "Samples a second [Hz].", INPUTS, **RATE)
@@ -395,9 +392,7 @@ class SynthOptions(Chance):
     """What is recorded synthetically; None: as the kind of rig has it."""
 
     kind: ExperimentKind | None = option(None, "By itself clutch; of a fit.json, its own.", LOGS)
-    levels: tuple[float, ...] | None = option(
-        None, "30,40,90 or from:to:step.", LOGS, read=spaced, levels=True, above=True
-    )
+    levels: Numbers | None = option(None, "30,40,90 or from:to:step.", LOGS, read=spaced, levels=True, above=True)
     repeats: int | None = option(None, "Runs of each level.", LOGS, least=1, most=10_000)
     idle_s: float | None = option(None, "Input 0 before the step [s].", WHEN, "--idle")
     hold_s: float | None = option(None, "Input at its level [s].", WHEN, "--hold", above=True)
@@ -437,8 +432,6 @@ class SynthOptions(Chance):
 class ReportOptions(Options):
     """How a report is made."""
 
-    figures: tuple[str, ...] = option(
-        (), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, shown="NAME,…"
-    )
+    figures: Words = option((), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, shown="NAME,…")
     tables: Path | None = option(None, "All tables as CSV and LaTeX, in this folder.", FIGURES, shown="DIR")
-    format: tuple[str, ...] = option((), "Beside PNG, which is always there.", FIGURES, words="pdf|svg|png")
+    format: Words = option((), "Beside PNG, which is always there.", FIGURES, words="pdf|svg|png")

@@ -90,11 +90,9 @@ def takes(body: Callable[..., int | None]) -> Callable[..., int | None]:
 
 def refuse_idle(args: Options, names: Sequence[str], because: str) -> None:
     """Refuse options that were given and do nothing; `because` says why, `without --optimize`."""
-    idle = [
-        form.flag for name, form in forms(type(args)).items() if name in names and getattr(args, name) != form.default
-    ]
-    if idle:
-        raise UsageError(f"{idle[0]}: does nothing {because}; leave it out")
+    for name in args.given():
+        if name in names:
+            raise UsageError(f"{forms(type(args))[name].flag}: does nothing {because}; leave it out")
 
 
 PLAIN_TYPES = (bool, Path, list[Path])  # Types that Typer hands over; all else it hands over as a text

@@ -267,9 +267,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
                     cells |= {"a0": error.a0, "gain": error.gain, "B": error.B}
                 level_row = rows.setdefault((0.0, error.level), {})
                 level_row |= {key: np.nan if value is None else value for key, value in cells.items()}
-        return pandas.DataFrame(
-            list(rows.values()), index=pandas.Index([u for _, u in rows], name="level", dtype=float)
-        )
+        index = pandas.Index([u for _, u in rows], name="level", dtype=float)
+        return pandas.DataFrame(list(rows.values()), index=index)
 
     def predict(
         self, duty: float | Sequence[float], t: float | Sequence[float], model: str | None = None

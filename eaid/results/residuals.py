@@ -42,9 +42,8 @@ def correlation_of(parts: Sequence[Array], dt_s: float, u: Array | None = None) 
         u = None if u is None else means_of(u, rows)
         return correlation_of([means_of(e, rows) for e in parts if len(e) >= rows], rows * dt_s, u)
     n, squares = sum(map(len, parts)), sum(float(e @ e) for e in parts)
-    lags = np.unique(
-        np.linspace(1, max(min(map(len, parts)) // PART_OF_RECORD, 1), CORRELATION_LAGS).round().astype(int)
-    )
+    longest = max(min(map(len, parts)) // PART_OF_RECORD, 1)
+    lags = np.unique(np.linspace(1, longest, CORRELATION_LAGS).round().astype(int))
     if not squares > 0 or n <= 2 * CORRELATION_LAGS:
         return Correlation()
     own = [sum(float(e[:-k] @ e[k:]) for e in parts) / squares for k in lags]

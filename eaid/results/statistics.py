@@ -125,11 +125,8 @@ def residuals(fit: "Fit", steps: "StepSet | None" = None) -> "pandas.DataFrame":
     steps = fit.samples.steps or steps
     if steps is None:
         raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
-    parts = {
-        one.level: pandas.DataFrame(
-            {"recorded": one.mean, "fitted": fit.curve(first_model(fit), one.level, one.time_s)}, index=one.time_s
-        )
-        for one in steps.levels
-    }
-    whole: pandas.DataFrame = pandas.concat(parts, names=["level", "time_s"])
-    return whole
+    parts = {}
+    for one in steps.levels:
+        both = {"recorded": one.mean, "fitted": fit.curve(first_model(fit), one.level, one.time_s)}
+        parts[one.level] = pandas.DataFrame(both, index=one.time_s)
+    return pandas.concat(parts, names=["level", "time_s"])

@@ -84,9 +84,8 @@ def replayed(fit: "Fit") -> list[str]:
     if not known:
         return []
     spread = f"{known[0]:.1f} … {known[-1]:.1f} %, median " if len(known) > 1 else ""
-    return [
-        f"logs   {spread}{known[len(known) // 2]:.1f} % of {counted(len(known), 'log')} played again through the plant"
-    ]
+    logs = counted(len(known), "log")
+    return [f"logs   {spread}{known[len(known) // 2]:.1f} % of {logs} played again through the plant"]
 
 
 def unseen(fit: "Fit") -> list[str]:

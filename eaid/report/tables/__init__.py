@@ -47,9 +47,7 @@ class Table:
     @cached_property
     def texts(self) -> tuple[tuple[str, ...], ...]:
         """The rows as texts."""
-        return tuple(
-            tuple(shown(cell, column) for cell, column in zip(row, self.columns, strict=True)) for row in self.rows
-        )
+        return tuple(tuple(map(shown, row, self.columns)) for row in self.rows)
 
     @cached_property
     def numeric(self) -> tuple[bool, ...]:

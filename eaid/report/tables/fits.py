@@ -22,9 +22,8 @@ def unit_of(fit: Fit, name: str) -> str:
 def levels_table(fit: Fit) -> Table:
     """The friction curve of each level."""
     rows, out = fit.friction.levels if fit.friction else (), fit.data.output_unit
-    whose = (
-        "One curve for each level by itself." if fit.nonlinear is None else "The nonlinear model's curve at each level."
-    )
+    own = fit.nonlinear is None
+    whose = "One curve for each level by itself." if own else "The nonlinear model's curve at each level."
     how = f" Intervals: {fit.uncertainty.ci}." if fit.uncertainty and fit.uncertainty.ci != "none" else ""
     return table_of(
         "Single levels", f"{whose}{how}", rows,

@@ -103,9 +103,8 @@ def comparison(gains: Gains) -> str:
     least = {name: errors[name] for name in AGAINST if name in errors and _as_safe(rows[name], rows["rc"])}
     best = min({"equal_pi": alike, **least}.items(), key=itemgetter(1))
     by_term = 100 * (1 - own / fed)
-    worth = (
-        "is worth nothing" if abs(by_term) < 0.5 else f"{'is worth' if by_term > 0 else 'costs'} {abs(by_term):.0f} %"
-    )
+    size = f"{abs(by_term):.0f} %" if abs(by_term) >= 0.5 else "nothing"
+    worth = f"costs {size}" if by_term <= -0.5 else f"is worth {size}"
     return (
         f"{AGAINST[best[0]]} leaves {best[1] / own:.1f} times RC's largest error, a PI of RC's margins with its "
         f"feedforward {fed / own:.2f} times: the robust term itself {worth}."
