@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.plant.dynamics import Step
-from eaid.plant.steps import rise, step_rate, step_response, step_slopes
+from eaid.plant.steps import decay, step_response
 
 SHAPES = ("one", "two", "free", "overshoot")
 LARGEST_C = 3.0  # Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes
@@ -34,9 +34,11 @@ def slopes(p: Array, time_s: Array) -> Array:
     """∂ curve / ∂p, shape (n, 5); where p is complex, its real part decides which samples lie behind the dead time."""
     behind, at = np.real(time_s - p[4]) > 0, step_of(p)
     after = np.where(behind, time_s - p[4], 0.0)
-    by_size, by_tau1, by_tau2, by_share = step_slopes(at, after)
-    by_slow = by_tau2 * at.tau2
-    return np.stack((by_size, by_tau1 * at.tau1 + by_slow, by_slow, by_share, -step_rate(at, after) * behind), axis=1)
+    fast, slow = decay(after, at.tau1), decay(after, at.tau2)
+    fast_rate, slow_rate = at.Ts * at.C / at.tau1 * fast, at.Ts * (1 - at.C) / at.tau2 * slow
+    by_slow, by_size = -after * slow_rate, 1 - at.C * fast - (1 - at.C) * slow
+    rows = by_size, by_slow - after * fast_rate, by_slow, at.Ts * (slow - fast), -(fast_rate + slow_rate) * behind
+    return np.array(rows).T
 
 
 def overshoots(p: Array, window: float) -> bool:
@@ -98,7 +100,7 @@ def starts_of(
     pairs, total = np.triu_indices(TAU_GRID, 1), float(w @ y**2)
     places: dict[str, list[list[tuple[float, Array]]]] = {shape: [] for shape in wanted}
     for delay in delays:
-        rises = rise(np.maximum(t - delay, 0.0), tau[:, np.newaxis])
+        rises = 1 - decay(np.maximum(t - delay, 0.0), tau[:, np.newaxis])
         gram, right = (rises * w) @ rises.T, rises @ (w * y)
         one = np.diag(gram)
         for shape, rows in places.items():

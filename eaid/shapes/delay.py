@@ -212,15 +212,19 @@ def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
     if last - first < FEWEST_ROWS:
         return None
     t, y = time_s[first:last], run[first:last]
-    best = (np.inf, 0.0, 1.0, 0.0)
-    for tau in (t[-1] - t[0]) * np.geomspace(0.3, 30, RISE_TAUS):
-        X = np.stack((np.ones_like(t), decay(t - t[0], tau)), axis=1)
-        (a, b), *_ = np.linalg.lstsq(X, y, rcond=None)
-        left = y - X @ (a, b)
-        if a > 0 > b and (square := float(left @ left)) < best[0]:
-            best = square, t[0] + tau * float(np.log(-b / a)), (tau / a) ** 2, tau
-    square, theta, per, tau = best
-    return (theta, len(t) / max(square * per, 1e-300), tau) if np.isfinite(square) else None
+    tau = (t[-1] - t[0]) * np.geomspace(0.3, 30, RISE_TAUS)
+    fallen = decay(t - t[0], tau[:, None])  # y = a + b fallen, for each τ
+    means, off = fallen.mean(axis=1), y - y.mean()
+    fallen -= means[:, None]
+    b = fallen @ off / (fallen**2).sum(axis=1)
+    a = y.mean() - b * means
+    square = ((off - b[:, None] * fallen) ** 2).sum(axis=1)
+    square[(a <= 0) | (b >= 0)] = np.inf
+    k = int(square.argmin())
+    if not np.isfinite(square[k]):
+        return None
+    theta, per = t[0] + tau[k] * float(np.log(-b[k] / a[k])), (tau[k] / a[k]) ** 2
+    return theta, len(t) / max(float(square[k] * per), 1e-300), float(tau[k])
 
 
 def starts_late(step: LevelStep, share: float) -> bool:

@@ -172,8 +172,9 @@ def least(
 
     The unknowns are (change, ln τ2, ln(τ2/τ1), C, θ), τ2 the slower constant, of an overshoot the window's at most.
     """
-    root, window, chosen = np.sqrt(points.weight)[:, None], float(points.time_s[-1]), [*free]
+    window, chosen = float(points.time_s[-1]), [*free]
     size = float(np.abs(points.output).max()) or 1.0
+    root = np.sqrt(points.weight) / size
     share = {"free": (LEAST_SHARE, 1 - LEAST_SHARE), "overshoot": (1.0 + 1e-6, LARGEST_C)}.get(shape, (-1.0, 2.0))
     apart, slowest = (TAUS_APART, window) if shape == "overshoot" else (1.0, 50 * window)
     k = min(int(np.searchsorted(points.time_s, start[4], side="right")), len(points.time_s) - 1)
@@ -192,11 +193,11 @@ def least(
 
     def normal(x: Array) -> tuple[float, Array, Array]:
         p = whole(x)
-        by = slopes(p, points.time_s)
-        left = root[:, 0] * (p[0] * by[:, 0] - points.output) / size  # the curve is linear in the change
-        by[:, 2] -= by[:, 1]
-        J = root * by[:, chosen] / size
-        return float(left @ left), 2 * J.T @ left, 2 * J.T @ J
+        by = slopes(p, points.time_s).T
+        left = root * (p[0] * by[0] - points.output)  # the curve is linear in the change
+        by[2] -= by[1]
+        J = root * by[chosen]
+        return float(left @ left), 2 * J @ left, 2 * J @ J.T
 
     ways = np.eye(5)[chosen][:, chosen]
     b = np.concatenate([low[chosen], -high[chosen]])

@@ -23,6 +23,7 @@ from eaid.steps.noise import (
     block_noise,
     glitch,
     line,
+    medians_of_five,
     sample_noise,
     spikes,
     stretches,
@@ -354,7 +355,7 @@ def several_edges(
     """
     if len(output) < 4 * FEWEST_HELD:
         return None
-    output = np.median(np.lib.stride_tricks.sliding_window_view(np.pad(output, 2, "edge"), 5), axis=1)
+    output = medians_of_five(output)
     # the end of a window given by hand may hold the first samples of the release
     until = len(output) - len(output) // 50
     times, means = (block_means(values[:until], TURN_BLOCKS) for values in (time_s, output))

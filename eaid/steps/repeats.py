@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
 from eaid.findings import finding
@@ -49,6 +50,8 @@ def copied_block(values: Array) -> Copy | None:
     # numbers of 64 bits that stretches of `width` rows share where they are equal, and by chance hardly ever else
     kinds = (np.asarray(values, dtype=np.float64) + 0.0).view(np.uint64)
     moves, places = np.concatenate(([0], np.cumsum(np.diff(values) != 0))), np.arange(count)
+    if not _comes_again(kinds, moves):  # as of most records: nothing to count
+        return None
     pairs, fall, known = count**2 / 2, 0.0, 0
     while True:
         places = places[np.argsort(kinds[places], kind="stable")]
@@ -64,7 +67,7 @@ def copied_block(values: Array) -> Copy | None:
             most = others + 2 * np.sqrt(others)
             pairs, fall, known = most, (most / pairs) ** (1 / (width - known)), width
         more = max(1, width // 2)
-        kinds = kinds[:-more] * MIXES + (kinds[more:] ^ (kinds[more:] >> np.uint64(29)))
+        kinds = _longer(kinds, more)
         width += more
         places = places[np.append(alike, False) | np.append(False, alike)]
         places = places[places < len(kinds)]
@@ -78,6 +81,19 @@ def copied_block(values: Array) -> Copy | None:
     by_chance = pairs * (fall or (3 / pairs) ** (1 / width)) ** (rows - known)
     copied = by_chance <= CHANCE and rows >= FEWEST_ROWS and turns >= ROUGH * rows
     return Copy(at, rows, later) if copied else None
+
+
+def _longer(kinds: NDArray[np.uint64], rows: int) -> NDArray[np.uint64]:
+    """The numbers of stretches that are so many rows longer, each from those of two that cover it."""
+    return np.asarray(kinds[:-rows] * MIXES + (kinds[rows:] ^ (kinds[rows:] >> np.uint64(29))))
+
+
+def _comes_again(kinds: NDArray[np.uint64], moves: NDArray[np.intp]) -> bool:
+    """Whether any stretch of `FEWEST_ROWS` that does not stand still comes twice, by the numbers of single rows."""
+    for _ in range(FEWEST_ROWS - 1):
+        kinds = _longer(kinds, 1)
+    moving = np.sort(kinds[moves[FEWEST_ROWS - 1 :] > moves[: 1 - FEWEST_ROWS]])
+    return bool((moving[1:] == moving[:-1]).any())
 
 
 class _Output(NamedTuple):

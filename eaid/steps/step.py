@@ -120,11 +120,12 @@ def hold_of(runs: Array) -> Hold:
 
 def moving_means(runs: Array, width: int) -> Array:
     """Centred moving means over so many samples, fewer at the ends, shape of `runs`."""
-    n = runs.shape[1]
-    sums = np.cumsum(np.concatenate([np.zeros((len(runs), 1)), runs], axis=1), axis=1)
-    first = np.maximum(np.arange(n) - (width - 1) // 2, 0)
-    last = np.minimum(np.arange(n) + width // 2 + 1, n)
-    return np.asarray((sums[:, last] - sums[:, first]) / (last - first))
+    before, behind, n = (width - 1) // 2, width // 2, runs.shape[1]
+    sums = np.zeros((len(runs), before + n + 1 + behind))
+    np.cumsum(runs, axis=1, out=sums[:, before + 1 : before + n + 1])
+    sums[:, before + n + 1 :] = sums[:, before + n, None]
+    counts = np.minimum(np.arange(n) + behind + 1, n) - np.maximum(np.arange(n) - before, 0)
+    return np.asarray((sums[:, width:] - sums[:, :n]) / counts)
 
 
 def left_pct(step: Step) -> float:
