@@ -5,7 +5,7 @@ By AICc with the number of independent samples; the paper's form stands unless a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from eaid.estimate.solver import Problem, approach, polish
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
-from eaid.plant.steps import peak_of, step_response
+from eaid.plant.steps import decay, peak_of
 from eaid.results.models import StepShape
 from eaid.shapes.curves import (
     LARGEST_C,
@@ -152,10 +152,10 @@ def _polished(
     for _ in range(DELAY_ROUNDS):
         moved = p.copy()
         if 4 in free:
-            at = int(np.searchsorted(middle, p[4]))
-            near = middle[max(at - reach, 0) : at + reach]  # of a long record, those near the dead time so far
+            at, row = step_of(p), int(np.searchsorted(middle, p[4]))
+            near = middle[max(row - reach, 0) : row + reach]  # of a long record, those near the dead time so far
             after = np.maximum(points.time_s - near[:, np.newaxis], 0.0)
-            s = step_response(replace(step_of(p), Ts=1.0), after)
+            s = 1 - at.C * decay(after, at.tau1) - (1 - at.C) * decay(after, at.tau2)
             along, square = s @ (points.weight * points.output), (s**2) @ points.weight
             moved[4] = near[np.argmax(along**2 / np.maximum(square, 1e-300))]
         q, less = least(points, moved, shape, free, settled)
