@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Beside, Run
-from eaid.plant.drive import Drive
+from eaid.plant.drive import ROW_NUMBER, Drive, moved_rows
 from eaid.steps.noise import sample_noise
 from eaid.steps.stepset import StepSet
 
@@ -54,16 +54,16 @@ class RecordedLog:
         usual = float(self.time_s[-1] - self.time_s[0]) / len(steps)
         return usual if max(float(steps.max()) - usual, usual - float(steps.min())) <= ROUNDED * usual else None
 
-    @cached_property
+    @property
     def dt_s(self) -> Array:
         """How long each row's input acts [s]; 0 after the last. Steps that only rounding tells apart are one."""
         if self.even_s is not None:
             found = np.full(len(self.time_s), self.even_s)
             found[-1] = 0.0
-            return read_only(found)
+            return found
         steps = np.diff(self.time_s)
         usual = float(np.median(steps))
-        return read_only(np.append(np.where(np.abs(steps - usual) <= ROUNDED * usual, usual, steps), 0.0))
+        return np.append(np.where(np.abs(steps - usual) <= ROUNDED * usual, usual, steps), 0.0)
 
     @cached_property
     def usual_s(self) -> float:
@@ -79,13 +79,14 @@ class RecordedLog:
     def drive(self) -> Drive:
         """What drives the plant, row by row; one whose output is not finite is passed through and not compared."""
         at = self.changes
-        level, lasts, rising = self.input[at], np.diff(np.append(at, len(self.input))), np.ones(len(at), dtype=np.int64)
+        level, lasts = self.input[at], np.diff(np.append(at, len(self.input)))
+        rising = np.ones(len(at), dtype=ROW_NUMBER)
         if self.stepwise:
             rising[1:][(level[1:] < level[:-1]) & (level[1:] > 0)] = -1
         duty, index = np.unique(level, return_inverse=True)
         above, known = self.output - (self.baseline or 0.0), np.isfinite(self.output)
         return Drive(
-            np.array(self.dt_s), np.repeat(index.astype(np.int64), lasts), duty, np.repeat(rising, lasts),
+            self.dt_s, np.repeat(index.astype(ROW_NUMBER), lasts), duty, np.repeat(rising, lasts),
             np.where(known, above, 0.0), np.where(known, self.weight, 0.0), self.baseline is not None, self.starts_idle,
         )  # fmt: skip
 
@@ -148,8 +149,8 @@ def shifted(log: RecordedLog, rows: int) -> RecordedLog:
     """The log with the input of so many rows later; behind a dead time it may begin at rest."""
     if rows == 0:
         return log
-    at = np.clip(np.arange(len(log.input)) + rows, 0, len(log.input) - 1)
-    return replace(log, input=log.input[at], idle_start=log.starts_idle if rows > 0 else log.idle_start)
+    moved = read_only(moved_rows(log.input, rows))
+    return replace(log, input=moved, idle_start=log.starts_idle if rows > 0 else log.idle_start)
 
 
 def behind_rest(log: RecordedLog, rows: int = 1) -> RecordedLog:

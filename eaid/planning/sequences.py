@@ -23,7 +23,7 @@ from eaid.options import Limits, PlanOptions
 from eaid.planning.kinds import PARAMETERS, Sensitivities, is_clutch
 from eaid.planning.recordings import RATE_HZ, simulated_disturbance
 from eaid.planning.widths import Widths, fitted_rig, percent, relative_rows, settled, wanting
-from eaid.plant.drive import Drive
+from eaid.plant.drive import ROW_NUMBER, Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven
 from eaid.recorded.curve_intervals import held
@@ -79,8 +79,8 @@ def drive_of_sequence(whole: Array) -> Drive:
     t = (starts[:, None] + np.hstack([nothing, 0.5 * (edges[:, 1:] + edges[:, :-1])])).ravel()
     duty, at = np.unique(level, return_inverse=True)
     return Drive(
-        np.append(np.diff(t), 0.0), np.repeat(at.astype(np.int64), HOLD_INSTANTS + 1), duty,
-        np.ones(len(t), dtype=np.int64), np.zeros(len(t)), np.hstack([nothing, np.diff(edges)]).ravel(), False, True,
+        np.append(np.diff(t), 0.0), np.repeat(at.astype(ROW_NUMBER), HOLD_INSTANTS + 1), duty,
+        np.ones(len(t), dtype=ROW_NUMBER), np.zeros(len(t)), np.hstack([nothing, np.diff(edges)]).ravel(), False, True,
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from eaid.estimate.spread import satterthwaite, t_quantile
 from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.options import PlanOptions
 from eaid.planning.kinds import NUMBERS_OF_KIND, PARAMETERS, Sensitivities, is_clutch, refuse_unplanned, steps_of
-from eaid.plant.drive import Drive
+from eaid.plant.drive import ROW_NUMBER, Drive
 from eaid.plant.dynamics import SHARE
 from eaid.results.fit import Fit
 from eaid.results.models import FrictionLevel, Noise
@@ -81,8 +81,8 @@ def drive_of_steps(
         pieces += [(0, *instants(release_s, turn_s))] if release_s else []
         pieces.append((0, np.array([ENDLESS_REST_S]), np.zeros(1)))
     places, dt_s, weights = zip(*pieces, strict=True)
-    acts = np.repeat(np.array(places, dtype=np.int64), [len(one) for one in dt_s])
-    nothing, up = np.zeros(len(acts)), np.ones(len(acts), dtype=np.int64)
+    acts = np.repeat(np.array(places, dtype=ROW_NUMBER), [len(one) for one in dt_s])
+    nothing, up = np.zeros(len(acts)), np.ones(len(acts), dtype=ROW_NUMBER)
     return Drive(np.concatenate(dt_s), acts, duty, up, nothing, np.concatenate(weights), rests_s is None, True)
 
 

@@ -1,13 +1,14 @@
 """What drives a plant and what it is compared with, in rows; and the plant's numbers for the inputs of those rows."""
 
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
 
-Integers: TypeAlias = NDArray[np.int64]
+Integers: TypeAlias = NDArray[np.integer[Any]]
+ROW_NUMBER = np.int32  # Each row of a long log has two such numbers, and 64 bits would take twice the memory
 
 
 class Drive(NamedTuple):
@@ -30,6 +31,17 @@ def beginning(drive: Drive, rows: int) -> Drive:
         return drive
     parts = {name: getattr(drive, name)[:rows] for name in ("dt_s", "which", "rising", "y", "w")}
     return drive._replace(**parts, left=0.0)
+
+
+def later(drive: Drive, rows: int) -> Drive:
+    """The same with the input of so many rows later, or earlier where they are below 0; that of an end lasts."""
+    return drive._replace(which=moved_rows(drive.which, rows), rising=moved_rows(drive.rising, rows))
+
+
+def moved_rows(values: NDArray[Any], rows: int) -> NDArray[Any]:
+    """At each row the value of so many rows later, (n,); beyond an end that of the end."""
+    end = np.full(min(abs(rows), len(values)), values[-1 if rows > 0 else 0])
+    return np.concatenate([values[rows:], end] if rows > 0 else [end, values[: len(values) - len(end)]])
 
 
 def delayed(drive: Drive, dead_time_s: float) -> Drive:

@@ -32,7 +32,6 @@ from eaid.recorded.kinds import (
     integrates,
     of_evidence,
     on_all,
-    search_of,
     with_scores,
 )
 from eaid.recorded.late import (
@@ -238,7 +237,7 @@ def _kinds_behind(
     """Every kind fitted to the logs with their inputs where they acted, the best first; and how late these were noted
     by the best kind, which may move them again."""
     acting = [shifted(log, one.rows) for log, one in zip(logs, late, strict=True)]
-    search = search_of(at_rest(acting, inputs), *inputs.ends, options.held_dead_time_s)
+    search = Search(tuple(at_rest(acting, inputs)), *inputs.ends, options.held_dead_time_s)
     rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
         shown = [since_known(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
@@ -311,7 +310,7 @@ def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
         begins = log.idle_start is None and not log.starts_idle and log.input[0] == 0 and bool(log.input.any())
         if begins:
             resting = replace(log, idle_start=True)
-            costs = [quick_cost(search_of([one], inputs.low, inputs.high)) for one in (resting, log)]
+            costs = [quick_cost(Search((one,), inputs.low, inputs.high)) for one in (resting, log)]
             log = resting if costs[0] <= REST_BELIEVED * costs[1] else log
         found.append(log)
     return found
@@ -322,7 +321,7 @@ def switched_on(log: RecordedLog, inputs: Excited) -> RecordedLog:
     if log.idle_start is not None or log.input[0] == 0 or np.ptp(log.input) == 0 or log.reference is not None:
         return log
     resting = behind_rest(log)
-    costs = [quick_cost(search_of([one], inputs.low, inputs.high)) for one in (resting, log)]
+    costs = [quick_cost(Search((one,), inputs.low, inputs.high)) for one in (resting, log)]
     return resting if costs[0] < (1 - LOWER) * costs[1] else log
 
 
@@ -375,7 +374,7 @@ def _of_the_clutch(
     free = not answers(base, behind.logs)
     if free and options.share == SHARE and not others and (found := with_share_free(base)) is not None:
         base, ends = found
-        low, high = base.x[base.setup.model.size - 1] + np.array([-ends, ends])
+        low, high = (base.x[base.setup.model.size - 1] + np.array([-ends, ends])).tolist()
         findings.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=(low + high) / 2, low=low, high=high))
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:

@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.estimate.points import nodes_of
 from eaid.estimate.recorded_log import RecordedLog
-from eaid.plant.drive import Drive
+from eaid.plant.drive import ROW_NUMBER, Drive
 
 MOVING_ROWS = 6_000  # Blocks of an input that moves all the time, at most
 
@@ -81,9 +81,9 @@ def averaged_blocks(log: RecordedLog, every: Drive) -> Drive:
     duty, index = np.unique(level, return_inverse=True)
     return every._replace(
         dt_s=np.append(np.diff(at[kept]), 0.0),
-        which=np.repeat(index, 2)[kept].astype(np.int64),
+        which=np.repeat(index, 2)[kept].astype(ROW_NUMBER),
         duty=duty,
-        rising=np.ones(int(kept.sum()), dtype=np.int64),
+        rising=np.ones(int(kept.sum()), dtype=ROW_NUMBER),
         y=np.repeat(np.add.reduceat(every.y, starts) / size, 2)[kept],
         w=weight[kept],
     )

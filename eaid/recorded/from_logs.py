@@ -219,12 +219,17 @@ class Setup:
         return Problem(self.together, A, b, codes.__getitem__, floor=ROUNDING * energy)
 
 
-def setup_of(model: Model, logs: Sequence[RecordedLog], idle_free: bool = True, dead_time_s: float = 0.0) -> Setup:
-    """Logs and a model behind a dead time, with the copies on which its fit is looked for."""
-    copies = tuple(Copies(log, dead_time_s) for log in logs)
-    longest = max(float(log.time_s[-1] - log.time_s[0]) for log in logs)
-    shortest = median([log.usual_s for log in logs])
-    holds = [np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in logs]
+def setup_of(
+    model: Model, logs: Sequence[RecordedLog | Copies], idle_free: bool = True, dead_time_s: float = 0.0
+) -> Setup:
+    """Logs and a model behind a dead time, with the copies on which its fit is looked for, where they are not there."""
+    copies = tuple(one if isinstance(one, Copies) else Copies(one, dead_time_s) for one in logs)
+    all_logs = [one.log for one in copies]
+    longest = max(float(log.time_s[-1] - log.time_s[0]) for log in all_logs)
+    shortest = median([log.usual_s for log in all_logs])
+    holds = [
+        np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in all_logs
+    ]
     hold = float(max(holds))
     small = tuple(one.small for one in copies)
     return Setup(model, small, (), idle_free, copies, longest, shortest, hold, dead_time_s)

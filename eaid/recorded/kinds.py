@@ -13,7 +13,8 @@ stands unless another kind scores less. An output whose rate follows the input i
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -96,11 +97,25 @@ class Search:
     """Logs, and what of them is looked at."""
 
     logs: tuple[RecordedLog, ...]
-    drives: tuple[Drive, ...]
     low: float
     high: float
-    signed: bool
     dead_time_s: float | None = None  # Where it was given
+    made: dict[float, tuple[Copies, ...]] = field(default_factory=dict)  # Copies of the logs, by the dead time behind
+
+    def copies(self, dead_time_s: float) -> tuple[Copies, ...]:
+        """The logs with their few rows behind a dead time, up to the next row, which many kinds share."""
+        dead_time_s = math.ceil(dead_time_s / self.shortest_s) * self.shortest_s
+        return self.made.setdefault(dead_time_s, tuple(Copies(log, dead_time_s) for log in self.logs))
+
+    @cached_property
+    def drives(self) -> tuple[Drive, ...]:
+        """The logs as they are looked at: where they are long by small copies."""
+        return tuple(map(few_rows, self.copies(0.0)))
+
+    @cached_property
+    def signed(self) -> bool:
+        """Whether some input is below rest."""
+        return any(float(log.input.min()) < 0 for log in self.logs)
 
     @property
     def shortest_s(self) -> float:
@@ -204,8 +219,8 @@ def begun(
     model = of_kind(
         kind.law, gain, search.low, search.high, search.shortest_s, None if kind.zero else 0.0, search.signed, pace
     )
-    setup = setup_of(model, search.logs, True, theta)
-    few = tuple(few_rows(one) for one in setup.copies)
+    setup = setup_of(model, search.copies(theta), True, theta)
+    few = tuple(map(few_rows, setup.copies))
     setup = replace(setup, drives=few, copies=())
     x = np.zeros(setup.size)
     x[model.slices[0]] = 0.0
@@ -278,7 +293,7 @@ def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
         return one
     solved, model = one.solved, one.solved.setup.model
     theta = solved.setup.dead_time(solved.x)
-    setup = replace(setup_of(model, search.logs, True, theta), extras=solved.setup.extras)
+    setup = replace(setup_of(model, search.copies(theta), True, theta), extras=solved.setup.extras)
     if model.kind == "swing":  # what rings is no polynomial on the blocks of the few rows
         setup = replace(setup, drives=setup.every.drives)
     if not last:
@@ -394,10 +409,3 @@ def integrates(search: Search, best: Tried) -> bool:
 def few_rows(log: Copies) -> Drive:
     """Every row of a log that is not long, else a few that cost what it costs."""
     return log.every if len(log.log.time_s) <= MOVING_ROWS else log.small
-
-
-def search_of(logs: Sequence[RecordedLog], low: float, high: float, dead_time_s: float | None = None) -> Search:
-    """Logs as they are looked at: where they are long by small copies; a dead time that was given is no unknown."""
-    drives = tuple(few_rows(Copies(log)) for log in logs)
-    signed = any(float(log.input.min()) < 0 for log in logs)
-    return Search(tuple(logs), drives, low, high, signed, dead_time_s)

@@ -24,7 +24,8 @@ from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog, shifted
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
-from eaid.plant.drive import Drive
+from eaid.plant.drive import Drive, later
+from eaid.plant.sums import unforeseen
 from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Setup, Solved, ended_near, fit_setup, setup_of
 
@@ -154,13 +155,13 @@ def common_delay(base: Solved, logs: Sequence[RecordedLog]) -> Delay:
 
 def _moved(log: RecordedLog, rows: int) -> RecordedLog:
     """The log with its input so many rows later, and the unknowns that it has."""
-    return replace(shifted(log, rows), idle_start=log.starts_idle)
+    return replace(shifted(log, rows), idle_start=log.starts_idle) if rows else log
 
 
 def moved_cost(base: Solved, logs: Sequence[RecordedLog], rows: Sequence[int]) -> float:
     """Squares that logs leave, each by itself, with their inputs so many rows later."""
     each = zip(base.setup.places, logs, rows, strict=True)
-    return sum(aligned_log(base.fitted, base.x[at.columns], _moved(log, later)).cost for at, log, later in each)
+    return sum(aligned_log(base.fitted, base.x[at.columns], _moved(log, more)).cost for at, log, more in each)
 
 
 def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
@@ -176,7 +177,7 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
     rows = np.flatnonzero(off[1:] & off[:-1])
     if len(rows) < 100:
         return 0.0
-    u, y = (unforeseen(one, autoregression(one))[rows] for one in (np.diff(log.input), -np.diff(r)))
+    u, y = (unforeseen(one[:, None], autoregression(one))[rows, 0] for one in (np.diff(log.input), -np.diff(r)))
     limit = CHANGE_JUMP * float(np.abs(u).mean())
     u = np.clip(u, -limit, limit)
     size = float(np.linalg.norm(u) * np.linalg.norm(y))
@@ -230,9 +231,9 @@ def aligned_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
 def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
     """The delay in rows by one step from x, (p,), and its standard deviation."""
     own = alone(setup, log.drive)
-    r = own.residuals(x, 0)
-    after, before = (alone(setup, _moved(log, rows).drive).residuals(x, 0) for rows in (1, -1))
-    D, foreseen, at, last, found = 0.5 * (after - before), autoregression(r), 0, np.zeros((0, own.size + 2)), []
+    after, before = (alone(setup, later(own.drives[0], rows)).residuals(x, 0) for rows in (1, -1))
+    D, foreseen, at = 0.5 * (after - before), autoregression(own.residuals(x, 0)), 0
+    last, found = np.zeros((0, own.size + 2)), []
     for piece in own.derivatives(x, 0, rows=-(-len(log.input) // NOISE_STRETCHES)):
         columns = np.column_stack([piece[:, :-1], D[at : at + len(piece)], piece[:, -1]])
         columns = np.concatenate([last, columns])
@@ -244,7 +245,7 @@ def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
     free = np.append(-scaled_inverse(whole[:p, :p]) @ whole[:p, p], 1.0)  # D less what the unknowns do, by J and D
     size = float(free @ whole[: p + 1, : p + 1] @ free)
     if size <= ALONE * float(whole[p, p]):  # the unknowns do all that a delay does
-        return 0.0, float(len(r))
+        return 0.0, float(len(D))
     rows = -float(free @ whole[: p + 1, -1]) / size
     scores = sums[:, : p + 1, -1] @ free + rows * np.einsum("i,kij,j->k", free, sums[:, : p + 1, : p + 1], free)
     return rows, float(np.sqrt(scores @ scores)) / size
@@ -255,14 +256,6 @@ def autoregression(r: Array) -> Array:
     rho = np.array([float(r[k:] @ r[: len(r) - k]) for k in range(ORDER + 1)])
     rho[0] *= 1 + 1e-9
     return np.asarray(solve_toeplitz(rho[:-1], rho[1:])) if rho[0] > 0 else np.zeros(ORDER)
-
-
-def unforeseen(values: Array, coefficients: Array) -> Array:
-    """What an autoregression does not foresee of values, (n, …)."""
-    whole = values.copy()
-    for k, one in enumerate(coefficients.tolist(), 1):
-        whole[k:] -= one * values[:-k]
-    return whole
 
 
 def alone(setup: Setup, drive: Drive) -> Setup:

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, means_of
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
-from eaid.plant.sums import lagged, played
+from eaid.plant.sums import lagged, played, unforeseen
 from eaid.recorded.from_logs import Solved, plant_found
-from eaid.recorded.late import ORDER, autoregression, unforeseen
+from eaid.recorded.late import ORDER, autoregression
 from eaid.recorded.log_intervals import correlation_s
 
 Mask = NDArray[np.bool_]

@@ -74,11 +74,14 @@ def piece_of(solved: Solved, clean: Setup, log: int) -> tuple[Piece, Array]:
     for Z, J in both:
         Z, J = Z[:, : len(columns)], J[:, : len(columns)]
         H[np.ix_(columns, columns)] += Z.T @ J
-        which = np.arange(at, at + len(Z)) // step
-        first = np.flatnonzero(np.diff(which, prepend=-1))
-        bins = np.ix_(which[first], columns)
-        plain[bins] += np.add.reduceat(Z, first)
-        scaled[bins] += np.add.reduceat(Z * output[at : at + len(Z), None], first)
+        rows = slice(at % step, at % step + len(Z))  # in whole bins, the first begun before
+        bins = -(-rows.stop // step)
+        whole, factors = np.zeros((bins * step, len(columns))), np.zeros((2, bins * step))
+        whole[rows], factors[0, rows], factors[1, rows] = Z, 1.0, output[at : at + len(Z)]
+        sums = factors.reshape(2, bins, 1, step) @ whole.reshape(bins, step, len(columns))
+        into = np.ix_(np.arange(bins) + at // step, columns)
+        plain[into] += sums[0, :, 0]
+        scaled[into] += sums[1, :, 0]
         at += len(Z)
     sizes = np.add.reduceat(output, starts) / np.diff(np.append(starts, len(output)))
     bin_s = step * float(drive.dt_s.sum()) / max(len(output), 1)
