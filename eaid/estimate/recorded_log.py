@@ -37,7 +37,7 @@ class RecordedLog:
     source: str = ""
     sha256: str = ""
     others: Callable[[], Beside] = tuple  # Reads the columns beside it that move
-    creep: float = 0.0  # Rate of a creep that was taken off the output, 0 at the first row [output/s]
+    creep: tuple[float, float] = (0.0, 0.0)  # That was taken off the output, straight and bent (`creep_at`)
 
     @cached_property
     def starts_idle(self) -> bool:
@@ -140,9 +140,16 @@ def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
     return logs
 
 
-def without_creep(log: RecordedLog, rate: float) -> RecordedLog:
-    """The log without an output that creeps at a rate beside its response, 0 at the first row."""
-    return replace(log, output=log.output - rate * (log.time_s - log.time_s[0]), creep=log.creep + rate)
+def creep_at(share: Array) -> Array:
+    """How a creep goes where so much of a log is over: straight to 1 at its end, and bent, by 1 amid it, (n, 2)."""
+    return np.stack([share, 4 * share * (1 - share)], axis=1)
+
+
+def without_creep(log: RecordedLog, creep: Array) -> RecordedLog:
+    """The log without an output that creeps so far beside its response, straight and bent, (2,)."""
+    share = (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
+    straight, bent = (np.array(log.creep) + creep).tolist()
+    return replace(log, output=log.output - creep_at(share) @ creep, creep=(straight, bent))
 
 
 def shifted(log: RecordedLog, rows: int) -> RecordedLog:

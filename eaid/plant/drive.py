@@ -80,5 +80,6 @@ class Tables(NamedTuple):
 
 
 # Places of the numbers beside the coefficients: C (z of series and ringing), τ of falls to rest, factors on those of
-# falls, excess, θ, idle output, the two states at the first row, and what no plant has, the rate of a sensor's creep
+# falls, excess, θ, idle output, the two states at the first row, and what no plant has, how far a
+# sensor creeps in a log, straight and bent
 AT_SHARE, AT_REST, AT_FALL, AT_EXCESS, AT_DEAD, AT_IDLE, AT_START, AT_CREEP = 0, 1, 3, 5, 6, 7, 8, 10

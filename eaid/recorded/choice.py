@@ -18,7 +18,7 @@ from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
-from eaid.recorded.creep import by_noise, creeping, sure, with_rates
+from eaid.recorded.creep import by_noise, creeping, sure, with_creeps
 from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import seen, tested, with_falls
 from eaid.recorded.from_logs import Setup, Solved, ended_near, fit_setup, idle_found, plant_found, setup_of
@@ -94,12 +94,12 @@ def plant_of_logs(
     chosen = _chosen(logs, others, inputs, options, rests, of_steps_s, falls, wanted)
     if others or not falls or answers(chosen.solved, chosen.logs):
         return chosen
-    rates = creeping(chosen.solved, chosen.clutch, chosen.logs)
-    if not rates.any():
+    creeps = creeping(chosen.solved, chosen.clutch, chosen.logs)
+    if not creeps.any():
         return chosen
-    plain = [without_creep(log, rate) for log, rate in zip(logs, rates.tolist(), strict=True)]
+    plain = [without_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
     again = _chosen(plain, others, inputs, options, rests, of_steps_s, falls, wanted)
-    solved, without = with_rates(again.solved, again.logs)
+    solved, without = with_creeps(again.solved, again.logs)
     better = solved.cost < chosen.solved.cost - by_noise(solved, len(logs))
     return replace(again, solved=solved, logs=without) if better and sure(solved, without) else chosen
 
@@ -210,7 +210,7 @@ def as_pair(solved: Solved) -> Solved | None:
     coefficients = np.r_[x[model.slices[0]], np.ravel([rows @ tau for tau in p.time_constants(lags.inputs)]), p.C]
     begin = [coefficients, x[model.size : setup.shared]]
     for log, place in enumerate(setup.places):
-        begin.append(np.r_[x[place.own[0]], start_states(solved, log), x[place.own[3]]][place.own >= 0])
+        begin.append(np.r_[x[place.own[0]], start_states(solved, log), x[place.own[3:]]][place.own >= 0])
     return ended_near(pair, np.concatenate(begin))
 
 

@@ -1,9 +1,10 @@
-"""An output that creeps beside its response, as that of a sensor which warms up: y = response + r (t − t0), t0 the
-first row, with a rate r for each log.
+"""An output that creeps beside its response, as that of a sensor which warms up:
+
+    y = response + a s + 4 b s (1 − s),   s the share of the log that is over, a and b its own
 
 A slow part without end, falls that differ and a hysteresis imitate a creep, so that it is asked for beside the plant
-that was chosen: where the rates save more squares than noise does, everything is fitted anew to logs without them.
-They stay unknowns of the fit, and their freedom is in its intervals.
+that was chosen: where it saves more squares than noise does, everything is fitted anew to logs without it. It stays an
+unknown of the fit, and its freedom is in the intervals.
 """
 
 from collections.abc import Sequence
@@ -26,66 +27,67 @@ LEAST_PART, MOST_PART = 0.002, 0.2  # Of what an output spans, that a creep make
 
 
 def begun(solved: Solved, logs: Sequence[RecordedLog]) -> Solved:
-    """A fit with the rates of all logs as unknowns, 0 so far."""
+    """A fit with the creeps of all logs as unknowns, 0 so far."""
     setup = replace(solved.fitted, creeping=len(logs))
-    own = (np.append(solved.x[place.own[place.own >= 0]], 0.0) for place in solved.fitted.places)
+    own = (np.append(solved.x[place.own[place.own >= 0]], [0.0, 0.0]) for place in solved.fitted.places)
     return replace(solved, fitted=setup, x=np.concatenate([solved.x[: setup.shared], *own]))
 
 
-def rates_of(solved: Solved) -> Array:
-    """The rates of the logs, (L,)."""
-    return np.asarray(solved.x[[place.own[3] for place in solved.fitted.places]])
+def creeps_of(solved: Solved) -> Array:
+    """The creeps of the logs, (L, 2)."""
+    return np.array([solved.x[place.own[3:]] for place in solved.fitted.places])
 
 
 def creeping(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLog]) -> Array:
-    """Rates that the logs show beside the plant that was chosen, or the clutch, (L,); zeros where noise explains them,
-    or they are no creep's."""
-    left, nothing = chosen.fitted.problem().value(chosen.x)[0], np.zeros(len(logs))
+    """Creeps that the logs show beside the plant that was chosen, or the clutch, (L, 2); zeros where noise explains
+    them, or they are too large."""
+    left, nothing = chosen.fitted.problem().value(chosen.x)[0], np.zeros((len(logs), 2))
     tried = [begun(one, logs) for one in (chosen, clutch) if one is not None]
     ends = [replace(one, x=end.x, cost=end.cost) for one in tried for end in [approach(one.fitted.problem(), one.x)]]
     free = min(ends, key=lambda one: one.cost)
     if left - free.cost <= max(by_noise(free, len(logs)), free.fitted.problem().floor):
         return nothing
-    rates = rates_of(free)
+    creeps = creeps_of(free)
     spans = np.array([np.nanmax(log.output) - np.nanmin(log.output) for log in logs])
-    parts = np.abs(rates) * [float(log.time_s[-1] - log.time_s[0]) for log in logs] / spans
-    return rates if LEAST_PART < parts.max() < MOST_PART else nothing
+    return creeps if LEAST_PART < (np.abs(creeps).max(axis=1) / spans).max() < MOST_PART else nothing
 
 
 def by_noise(free: Solved, count: int) -> float:
-    """Squares that so many rates save of nothing but noise, as rarely as `SHARE_CHANCE`."""
-    return float(chdtri(count, SHARE_CHANCE)) * free.cost / independent_of(free)
+    """Squares that creeps of so many logs save of nothing but noise, as rarely as `SHARE_CHANCE`."""
+    return float(chdtri(2 * count, SHARE_CHANCE)) * free.cost / independent_of(free)
 
 
-def with_rates(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solved, tuple[RecordedLog, ...]]:
-    """The fit with the rates of its logs at their end, and the logs without them: of these the rates are 0."""
+def with_creeps(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solved, tuple[RecordedLog, ...]]:
+    """The fit with the creeps of its logs at their end, and the logs without them: of these they are 0."""
     free = begun(solved, logs)
     ended = ended_near(free.fitted, free.x)
-    rates = rates_of(ended)
-    plain = tuple(without_creep(log, rate) for log, rate in zip(logs, rates.tolist(), strict=True))
+    plain = tuple(without_creep(log, one) for log, one in zip(logs, creeps_of(ended), strict=True))
     before, x = ended.fitted, ended.x.copy()
-    x[[place.own[3] for place in before.places]] = 0.0
+    x[[place.own[3:] for place in before.places]] = 0.0
     setup = setup_of(before.model, plain, before.idle_free, before.dead_time_s)
     drives = setup.every.drives if before.model.kind == "swing" else setup.drives
     return replace(ended, fitted=replace(setup, extras=before.extras, creeping=len(logs), drives=drives), x=x), plain
 
 
 def sure(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
-    """Whether the noise, coloured as it is, makes some of the rates as rarely as `SHARE_CHANCE`."""
+    """Whether the noise, coloured as it is, makes some of the creeps as rarely as `SHARE_CHANCE`."""
     known, unknowns = spread(solved), np.eye(solved.setup.size)
     for log, place in zip(logs, solved.setup.places, strict=True):
-        variance, degrees = known.variance(unknowns[place.own[3]])
-        if abs(log.creep) > t_quantile(degrees, 1 - SHARE_CHANCE) * np.sqrt(variance):
-            return True
+        for creep, at in zip(log.creep, place.own[3:], strict=True):
+            variance, degrees = known.variance(unknowns[at])
+            if abs(creep) > t_quantile(degrees, 1 - SHARE_CHANCE) * np.sqrt(variance):
+                return True
     return False
 
 
 def creep_findings(solved: Solved, logs: Sequence[RecordedLog], known: Spread | None, unit: str) -> list[Finding]:
-    """What is said of each log whose creep was taken off, with its 95 % interval."""
+    """What is said of each log whose creep was taken off: how far it went by the end, with its 95 % interval, and amid
+    the log."""
     found = []
     for log, place in zip(logs, solved.setup.places, strict=False):
-        if log.creep and place.own[3] >= 0:
+        straight, bent = log.creep
+        if place.own[3] >= 0 and (straight or bent):
             half = 0.0 if known is None else known.of(np.eye(solved.setup.size)[place.own[3]])
-            low, high = log.creep - half, log.creep + half
-            found.append(finding("creep-taken-off", log.name, rate=log.creep, low=low, high=high, unit=unit))
+            ends = {"end": straight, "low": straight - half, "high": straight + half}
+            found.append(finding("log-creeps", log.name, middle=straight / 2 + bent, unit=unit, **ends))  # type: ignore[arg-type]  # floats
     return found

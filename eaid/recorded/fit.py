@@ -74,7 +74,7 @@ DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
 
 
-def log_part(solved: Solved, k: int, log: RecordedLog, creep: float) -> LogFit:
+def log_part(solved: Solved, k: int, log: RecordedLog, creep: tuple[float, float]) -> LogFit:
     """The result of one log of a fit, from whose output a creep was taken off."""
     drive = solved.setup.drives[k]
     counted = drive.w > 0

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
 from eaid.estimate.forms import LEAST_TAU_S, Constraints, Model, Rows
-from eaid.estimate.recorded_log import RecordedLog
+from eaid.estimate.recorded_log import RecordedLog, creep_at
 from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,
@@ -62,14 +62,14 @@ EXTRA_LIMITS: dict[str, tuple[tuple[str, tuple[float, ...], float], ...]] = {
 class UnknownsOfLog:
     """Where the unknowns of a log lie, beside the coefficients of T_s, τ1 and τ2."""
 
-    # In x: C, the extras, idle output, x1 and x2 at its first row, rate of a creep; −1 where one is no unknown, (11,)
+    # In x: C, the extras, idle output, x1 and x2 at its first row, both of a creep; −1 where one is no unknown, (12,)
     x: NDArray[np.intp]
     columns: NDArray[np.intp]  # Places in x of all unknowns that it knows, in the kernel's order
     kernel: NDArray[np.intp]  # As `x`, among these columns
 
     @property
     def own(self) -> NDArray[np.intp]:
-        """Idle output, start states, and the rate of a creep in x, (4,)."""
+        """Idle output, start states, and how a creep goes in x, (5,)."""
         return self.x[AT_IDLE:]
 
 
@@ -104,12 +104,14 @@ class Setup:
         return replace(self, drives=tuple(one.every for one in self.copies)) if self.copies else self
 
     @cached_property
-    def since(self) -> tuple[Array, ...]:
-        """√w times the time since the first row of a log, of its rows that count, (N,)."""
-        rows = ((drive, drive.w > 0) for drive in self.drives)
-        return tuple(
-            (np.sqrt(drive.w) * np.append(0.0, np.cumsum(drive.dt_s[:-1])))[counted] for drive, counted in rows
-        )
+    def crept(self) -> tuple[Array, ...]:
+        """√w times how a creep goes, straight and bent, of a log's rows that count, (N, 2)."""
+        found = []
+        for drive in self.drives:
+            counted, t_s = drive.w > 0, np.cumsum(drive.dt_s)
+            share = (t_s - drive.dt_s)[counted] / t_s[-1]
+            found.append(np.sqrt(drive.w[counted])[:, None] * creep_at(share))
+        return tuple(found)
 
     @cached_property
     def maps(self) -> tuple[Rows, ...]:
@@ -132,7 +134,7 @@ class Setup:
         for k, drive in enumerate(self.drives):
             loaded, creeps = not drive.starts_idle, k < self.creeping
             of_two = loaded and self.model.tau2 is not None
-            free = np.array([self.idle_free and not drive.idle_known, loaded, of_two, creeps])
+            free = np.array([self.idle_free and not drive.idle_known, loaded, of_two, creeps, creeps])
             order = np.cumsum(free) - 1
             own, local = (np.where(free, first + order, -1) for first in (before, self.shared))
             columns = np.concatenate([np.arange(self.shared), own[free]])
@@ -154,7 +156,7 @@ class Setup:
 
     def tables(self, x: Array, log: int) -> tuple[Tables, Array]:
         """T_s, τ1, τ2 of a log's inputs, and the numbers beside them."""
-        at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NO_EXTRAS.values()), *np.zeros(4))
+        at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NO_EXTRAS.values()), *np.zeros(5))
         return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
 
     def dead_time(self, x: Array) -> float:
@@ -176,10 +178,10 @@ class Setup:
             end = min(first + rows, len(drive.w))
             found = np.asarray(law(drive, tables, scalars, kernel, state, first, end))
             if (creep := place.kernel[AT_CREEP]) >= 0:
-                crept = self.since[log][at : at + len(found)]
-                found[:, -1] += scalars[AT_CREEP] * crept
+                crept = self.crept[log][at : at + len(found)]
+                found[:, -1] += crept @ scalars[AT_CREEP:]
                 if of_unknowns:
-                    found[:, creep] = crept
+                    found[:, creep : creep + 2] = crept
             at += len(found)
             yield found
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
-from eaid.estimate.recorded_log import recorded_log, shifted
+from eaid.estimate.recorded_log import creep_at, recorded_log, shifted
 from eaid.logs.run import Run
 from eaid.plant.dynamics import Plant, plant_numbers, plant_rest, plant_terms
 from eaid.plant.respond import left_of_start, respond
@@ -69,7 +69,8 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     own = next((log for log in fit.logs if log.sha256 == run.sha256 and log.sha256 and log.name == run.name), None)
     if own is not None:
         level = shifted(level, own.late_rows)
-        run = replace(run, output=run.output - own.creep * (run.time_s - run.time_s[0]))
+        share = (run.time_s - run.time_s[0]) / (run.time_s[-1] - run.time_s[0])
+        run = replace(run, output=run.output - creep_at(share) @ np.array(own.creep))
     elif run.sha256 and any(one.sha256 == run.sha256 for one in fit.data.sources):  # a log of its steps
         level = shifted(level, round(fit.noted_late_s / median(level.dt_s)))
         run = without_creep(run, fit)

@@ -38,8 +38,9 @@ class LogFit(Result, frozen=True):
     """Idle output, fitted or known."""
     start: tuple[Number, Number] = (0.0, 0.0)
     """Fast and slow state at the first row."""
-    creep: Number = 0.0
-    """Rate of a creep beside the response that the fit is without, 0 at the first row [output/s]."""
+    creep: tuple[Number, Number] = (0.0, 0.0)
+    """A creep of the output beside the response, which the fit is without: how far it went by the end of the log, and
+    how much farther than half of that it was amid the log."""
     late_rows: Count = 0
     """Rows by which the input was noted late; it was fitted as it acted."""
     rmse: Number | None = None

@@ -173,8 +173,13 @@ ROWS: dict[str, Row] = {
     ),
     "idle-drifts": caution(_drift, "share_pct", rank=1),
     "creep-taken-off": caution(
-        "the output creeps by {rate:+.3g} {unit}/s ({low:+.3g} … {high:+.3g}) beside its response; the fit is without "
-        "that creep: let the sensor warm up",
+        "the output creeps by {rate:+.3g} {unit}/s ({low:+.3g} … {high:+.3g}) beside its response, in all runs alike; "
+        "the fit is without that creep: let the sensor warm up",
+        rank=1,
+    ),
+    "log-creeps": caution(
+        "the output creeps by {end:+.3g} {unit} ({low:+.3g} … {high:+.3g}) from the begin of the log to its end "
+        "({middle:+.3g} amid it) beside its response; the fit is without that creep: let the sensor warm up",
         rank=1,
     ),
     "output-creeps": caution(
