@@ -23,7 +23,8 @@ from eaid.recorded.from_logs import Solved, ended_near, setup_of
 from eaid.recorded.kinds import independent_of
 from eaid.recorded.log_intervals import Spread, spread
 
-LEAST_PART, MOST_PART = 0.002, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
+LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
+MOST_BENT = 0.7  # Of that, amid the log: half where it warms up at once
 
 
 def begun(solved: Solved, logs: Sequence[RecordedLog]) -> Solved:
@@ -40,7 +41,7 @@ def creeps_of(solved: Solved) -> Array:
 
 def creeping(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLog]) -> Array:
     """Creeps that the logs show beside the plant that was chosen, or the clutch, (L, 2); zeros where noise explains
-    them, or they are too large."""
+    them, or they are no creep: little, much, or there and back."""
     left, nothing = chosen.fitted.problem().value(chosen.x)[0], np.zeros((len(logs), 2))
     tried = [begun(one, logs) for one in (chosen, clutch) if one is not None]
     ends = [replace(one, x=end.x, cost=end.cost) for one in tried for end in [approach(one.fitted.problem(), one.x)]]
@@ -48,8 +49,9 @@ def creeping(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLog])
     if left - free.cost <= max(by_noise(free, len(logs)), free.fitted.problem().floor):
         return nothing
     creeps = creeps_of(free)
-    spans = np.array([np.nanmax(log.output) - np.nanmin(log.output) for log in logs])
-    return creeps if LEAST_PART < (np.abs(creeps).max(axis=1) / spans).max() < MOST_PART else nothing
+    parts = [np.abs(one) / np.ptp(log.output[np.isfinite(log.output)]) for one, log in zip(creeps, logs, strict=True)]
+    straight, bent = max(parts, key=lambda one: one[0])
+    return creeps if LEAST_PART < straight < MOST_PART and bent < MOST_BENT * straight else nothing
 
 
 def by_noise(free: Solved, count: int) -> float:
