@@ -71,6 +71,12 @@ def with_creeps(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solved, tu
     return replace(ended, fitted=replace(setup, extras=before.extras, creeping=len(logs), drives=drives), x=x), plain
 
 
+def with_known_creeps(solved: Solved) -> Solved:
+    """The fit without its creeps as unknowns, which a part of a log or another model would tell otherwise."""
+    gone = np.concatenate([place.own[3:] for place in solved.fitted.places])
+    return replace(solved, fitted=replace(solved.fitted, creeping=0), x=np.delete(solved.x, gone[gone >= 0]))
+
+
 def sure(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
     """Whether the noise, coloured as it is, makes some of the creeps as rarely as `SHARE_CHANCE`."""
     known, unknowns = spread(solved), np.eye(solved.setup.size)

@@ -460,7 +460,7 @@ def linear_beside(
 ) -> Linear:
     """The linear model of the same logs, behind the plant's dead time."""
     theta_s, model = base.fitted.dead_time(base.x), base.setup.model
-    setup = replace(base.fitted, extras=(), dead_time_s=theta_s)
+    setup = replace(base.fitted, extras=(), creeping=0, dead_time_s=theta_s)
     if model.kind != "parallel":
         setup = about_idle(base, chosen.logs, theta_s)
     basis = np.array([-inputs.high, inputs.high]) if model.signed else inputs.basis
@@ -477,6 +477,6 @@ def friction_beside(
     if of_model:
         return friction_of_logs(base, inputs.levels, known)
     extras = tuple(name for name in base.fitted.extras if name != "dead")
-    setup = replace(base.fitted, extras=(), dead_time_s=base.fitted.dead_time(base.x))
+    setup = replace(base.fitted, extras=(), creeping=0, dead_time_s=base.fitted.dead_time(base.x))
     solved = fit_setup(replace(setup, model=forms.friction(inputs.levels, share)))
     return friction_of_logs(with_falls(solved, extras) if extras else solved, inputs.levels, None)

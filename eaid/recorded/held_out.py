@@ -17,6 +17,7 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import approach
 from eaid.levels.unseen import worse_unseen
 from eaid.plant.drive import AT_IDLE
+from eaid.recorded.creep import with_known_creeps
 from eaid.recorded.from_logs import Setup, Solved, setup_of
 from eaid.results.recorded import LogsHeldOut
 
@@ -33,6 +34,7 @@ def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[Recor
     if any(log.reference is not None for log in logs):  # its duty answers the noise: one log's is no other's
         return None
     all_logs, folds = [*logs, *others], list[tuple[str, float, int, bool]]()
+    solved = with_known_creeps(solved)
     for named, rows in _parts(logs):
         part = [replace(log, output=np.where(out, np.nan, log.output)) for log, out in zip(logs, rows, strict=True)]
         missed, agrees = _missed(solved, [*part, *others], all_logs)
@@ -114,5 +116,6 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
 def _like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:
     """The setup of other logs for the same model."""
     setup = setup_of(fitted.model, logs, fitted.idle_free, fitted.dead_time_s)
-    drives = setup.drives if setup.model.kind != "swing" else setup.every.drives
-    return replace(setup, extras=fitted.extras, drives=drives, creeping=min(fitted.creeping, len(logs)))
+    return replace(
+        setup, extras=fitted.extras, drives=setup.drives if setup.model.kind != "swing" else setup.every.drives
+    )
