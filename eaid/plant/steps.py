@@ -32,6 +32,20 @@ def step_rate(at: Step, t_s: Array) -> Array:
     return (at.C / at.tau1 * decay(t_s, at.tau1) + (1 - at.C) / at.tau2 * decay(t_s, at.tau2)) * at.Ts
 
 
+def step_way(at: Step, t_s: Array) -> Array:
+    """How far a step from rest has gone, 1 in the end, shape of `t_s`: for fits, whose noise hides the digits that are
+    lost where t is small beside τ."""
+    return 1 - at.C * decay(t_s, at.tau1) - (1 - at.C) * decay(t_s, at.tau2)
+
+
+def step_ways(at: Step, t_s: Array) -> tuple[Array, Array, Array, Array, Array]:
+    """The same, the derivatives of the output by ln τ1, ln τ2 and C, and its rate, from two exponentials."""
+    fast, slow = decay(t_s, at.tau1), decay(t_s, at.tau2)
+    fast_rate, slow_rate = at.Ts * at.C / at.tau1 * fast, at.Ts * (1 - at.C) / at.tau2 * slow
+    way = 1 - at.C * fast - (1 - at.C) * slow
+    return way, -t_s * fast_rate, -t_s * slow_rate, at.Ts * (slow - fast), fast_rate + slow_rate
+
+
 def step_slopes(at: Step, t_s: Array) -> Array:
     """Derivatives of that output by T_s, τ1, τ2 and C, shape (4, n)."""
     theta = np.array([[at.Ts], [at.tau1], [at.tau2], [at.C]])

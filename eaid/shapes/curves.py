@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.plant.dynamics import Step
-from eaid.plant.steps import decay, step_response
+from eaid.plant.steps import decay, step_response, step_ways
 
 SHAPES = ("one", "two", "free", "overshoot")
 LARGEST_C = 3.0  # Largest C of an overshoot: beyond, two nearly equal parts of opposite sign imitate other shapes
@@ -34,11 +34,8 @@ def slopes(p: Array, time_s: Array) -> Array:
     """∂ curve / ∂p, shape (n, 5); where p is complex, its real part decides which samples lie behind the dead time."""
     behind, at = np.real(time_s - p[4]) > 0, step_of(p)
     after = np.where(behind, time_s - p[4], 0.0)
-    fast, slow = decay(after, at.tau1), decay(after, at.tau2)
-    fast_rate, slow_rate = at.Ts * at.C / at.tau1 * fast, at.Ts * (1 - at.C) / at.tau2 * slow
-    by_slow, by_size = -after * slow_rate, 1 - at.C * fast - (1 - at.C) * slow
-    rows = by_size, by_slow - after * fast_rate, by_slow, at.Ts * (slow - fast), -(fast_rate + slow_rate) * behind
-    return np.array(rows).T
+    by_size, by_fast, by_slow, by_share, rate = step_ways(at, after)
+    return np.array((by_size, by_fast + by_slow, by_slow, by_share, -rate * behind)).T
 
 
 def overshoots(p: Array, window: float) -> bool:

@@ -16,7 +16,7 @@ from eaid.estimate.solver import Problem, approach, polish
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
-from eaid.plant.steps import decay, peak_of
+from eaid.plant.steps import peak_of, step_way
 from eaid.results.models import StepShape
 from eaid.shapes.curves import (
     LARGEST_C,
@@ -155,7 +155,7 @@ def _polished(
             at, row = step_of(p), int(np.searchsorted(middle, p[4]))
             near = middle[max(row - reach, 0) : row + reach]  # of a long record, those near the dead time so far
             after = np.maximum(points.time_s - near[:, np.newaxis], 0.0)
-            s = 1 - at.C * decay(after, at.tau1) - (1 - at.C) * decay(after, at.tau2)
+            s = step_way(at, after)
             along, square = s @ (points.weight * points.output), (s**2) @ points.weight
             moved[4] = near[np.argmax(along**2 / np.maximum(square, 1e-300))]
         q, less = least(points, moved, shape, free, settled)
