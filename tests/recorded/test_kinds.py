@@ -311,7 +311,9 @@ def test_one_lag_and_an_overshoot_have_falls_of_their_own(C: float, tmp_path: Pa
 @pytest.mark.parametrize(
     ("share", "rest_s"), [(0.75, 4.0), (0.85, 60.0), pytest.param(0.85, 4.0, marks=pytest.mark.slow)]
 )
-def test_few_steps_in_one_log_that_begin_on_tails_are_fitted_as_recorded(share: float, rest_s: float, tmp_path: Path) -> None:
+def test_few_steps_in_one_log_that_begin_on_tails_are_fitted_as_recorded(
+    share: float, rest_s: float, tmp_path: Path
+) -> None:
     """Rests of half of τ2: cut as steps from rest, T_s came out as a half and τ2 twice as long; a C other than 0.85 is
     told, too. Behind long rests they are steps."""
     truth, t = Plant((0.2,), (8.0,), (0.0, 0.04), (25.0, 100.0), share), np.arange(0.0, 2 + 4 * (18 + rest_s), 0.02)
