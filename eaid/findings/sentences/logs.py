@@ -178,7 +178,7 @@ ROWS: dict[str, Row] = {
         rank=1,
     ),
     "log-creeps": caution(
-        "the output creeps by {end:+.3g} {unit} ({low:+.3g} … {high:+.3g}) from the begin of the log to its end "
+        "the output creeps by {end:+.3g} {unit} ({low:+.3g} … {high:+.3g}) from the start of the log to its end "
         "({middle:+.3g} amid it) beside its response; the fit is without that creep: let the sensor warm up",
         rank=1,
     ),
