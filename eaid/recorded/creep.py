@@ -96,6 +96,6 @@ def creep_findings(solved: Solved, logs: Sequence[RecordedLog], known: Spread | 
         straight, bent = log.creep
         if place.own[3] >= 0 and (straight or bent):
             half = 0.0 if known is None else known.of(np.eye(solved.setup.size)[place.own[3]])
-            ends = {"end": straight, "low": straight - half, "high": straight + half}
-            found.append(finding("log-creeps", log.name, middle=straight / 2 + bent, unit=unit, **ends))  # type: ignore[arg-type]  # floats
+            low, high, middle = straight - half, straight + half, straight / 2 + bent
+            found.append(finding("log-creeps", log.name, end=straight, low=low, high=high, middle=middle, unit=unit))
     return found
