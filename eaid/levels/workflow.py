@@ -344,10 +344,18 @@ def asks_for_one_lag(result: Fit) -> bool:
     """Whether the two lags of the model have met, or a constraint holds them, or the runs ask for C = 1."""
     share = None if result.uncertainty is None else result.uncertainty.share
     of_one = share is not None and share.matters and share.ci95 is not None and share.ci95[1] >= 1
-    # a slow lag that is endless has not met the fast one: the records have not shown it
+    # a slow lag that is endless at some levels has not met the fast one: the records have not shown it
     meet = any(one.code == "taus-meet" or one.values.get("constraint") in MEETS for one in result.findings)
+    meet = meet or never_slow(result)
     of_stand = any(one.code == "rise-of-the-rig" for one in result.findings)  # whose loading has no lags
     return (of_one or meet) and (not of_stand or result.dead_time_s > 0)
+
+
+def never_slow(result: Fit) -> bool:
+    """Whether the slow lag has no end at any level: the records show one lag, and T_s over C is seen nowhere."""
+    part = result.nonlinear
+    endless = any(one.values.get("constraint") == "tau2-endless" for one in result.findings)
+    return endless and part is not None and all(row.ci95 is None or row.ci95.tau2 is None for row in part.curves)
 
 
 def asks_for_another_kind(result: Fit) -> bool:

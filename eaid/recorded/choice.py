@@ -79,6 +79,16 @@ class Chosen:
     findings: list[Finding]
     late: tuple[Delay, ...]  # By which the input of each log was noted late
     clutch: Solved | None = None  # The clutch's form, its falls as its rises
+    searched: "Searched | None" = None  # Where other kinds were tried, all of them
+
+    @property
+    def of_clutch(self) -> bool:
+        """Whether it is the clutch's own form."""
+        return self.searched is None or self.kinds[0].kind == "clutch"
+
+    def of_kind(self, kind: str) -> "Chosen":
+        """The best plant of a kind instead; itself where none was tried."""
+        return self if self.searched is None else taken(self.searched, kind)
 
     @property
     def fell(self) -> tuple[str, ...]:
@@ -86,19 +96,37 @@ class Chosen:
         return tuple(name for name in self.solved.fitted.extras if name != "dead")
 
 
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """Every kind that was tried of logs, the one that evidence chooses first."""
+
+    rows: tuple[Tried, ...]
+    search: Search
+    noted: tuple[RecordedLog, ...]  # The logs with their inputs where these were noted
+    late: tuple[Delay, ...]
+    inputs: Excited
+    clutch: Chosen | None
+    falls: bool  # Whether falls may have numbers of their own
+
+    @property
+    def of_loops(self) -> bool:
+        """Whether some log is a loop's."""
+        return any(log.reference is not None for log in self.search.logs)
+
+
 def plant_of_logs(
     logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
-    of_steps_s: float, falls: bool, wanted: str = "",
+    of_steps_s: float, falls: bool,
 ) -> Chosen:  # fmt: skip
     """The plant of the logs, without a creep of their outputs where they show one; steps and loops are not asked."""
-    chosen = _chosen(logs, others, inputs, options, rests, of_steps_s, falls, wanted)
+    chosen = _chosen(logs, others, inputs, options, rests, of_steps_s, falls)
     if others or not falls or answers(chosen.solved, chosen.logs):
         return chosen
     creeps = creeping(chosen.solved, chosen.clutch, chosen.logs)
     if not creeps.any():
         return chosen
     plain = [without_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
-    again = _chosen(plain, others, inputs, options, rests, of_steps_s, falls, wanted)
+    again = _chosen(plain, others, inputs, options, rests, of_steps_s, falls)
     solved, without = with_creeps(again.solved, again.logs)
     better = solved.cost < chosen.solved.cost - by_noise(solved, len(logs))
     return replace(again, solved=solved, logs=without) if better and sure(solved, without) else chosen
@@ -106,10 +134,10 @@ def plant_of_logs(
 
 def _chosen(
     logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
-    of_steps_s: float, falls: bool, wanted: str,
+    of_steps_s: float, falls: bool,
 ) -> Chosen:  # fmt: skip
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
-    as much with less, or more, or is `wanted`. Logs with steps beside them keep the clutch's."""
+    as much with less, or more. Logs with steps beside them keep the clutch's."""
     signed = any(float(log.input.min()) < 0 for log in logs)
     clutch = None
     if not signed:
@@ -127,33 +155,43 @@ def _chosen(
     search, rows, late = _kinds_behind(logs, late, inputs, options, rivals)
     if clutch is not None and falls:
         rows = with_own_falls(search, rows, clutch, inputs)
-    noted, logs, ended = logs, search.logs, rows[0]
-    of_loops = any(log.reference is not None for log in logs)
+    ended = rows[0]
+    searched = Searched(tuple(rows), search, tuple(logs), late, inputs, clutch, falls)
     if clutch is not None:
-        rows = beside_the_clutch(rows, logs, inputs, options.duty is None, of_loops)
-    rows = sorted(rows, key=lambda one: one.kind.name != wanted)
+        rows = beside_the_clutch(rows, search.logs, inputs, options.duty is None, searched.of_loops)
     if rows[0] is not ended:  # the others stand as they were looked at
         rows[0] = on_all(search, rows[0], last=True)
-    best, total = rows[0], sum(energy(log) for log in logs)
+    return taken(replace(searched, rows=tuple(rows)))
+
+
+def taken(searched: Searched, wanted: str = "") -> Chosen:
+    """The plant of the kind that evidence chooses, or of the best row of the one that is `wanted`."""
+    rows, logs, clutch, inputs = list(searched.rows), searched.search.logs, searched.clutch, searched.inputs
+    if wanted:
+        rows = sorted(rows, key=lambda one: one.kind.name != wanted)
+        rows[0] = on_all(searched.search, rows[0], last=True)
+    best, total, of_loops = rows[0], sum(energy(log) for log in logs), searched.of_loops
     explains = best.cost <= (1 - LITTLE_PCT / 100) ** 2 * total  # noise alone wanders, too
-    if explains and not of_loops and integrates(search, best):
+    if explains and not of_loops and integrates(searched.search, best):
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
+    signed = searched.search.signed
     explains_by_one = kinds[0].gain == "one" and not (signed or of_loops) and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
     if explains_by_one and plant_found(best.solved).curve(inputs.high) < 0:
         raise DataError(*(turned_round(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
-        return replace(clutch, kinds=kinds)
-    pair = as_pair(best.solved) if falls and explains and not (signed or answers(best.solved, logs)) else None
+        return replace(clutch, kinds=kinds, searched=searched)
+    of_lags = searched.falls and explains and not (signed or answers(best.solved, logs))
     of_falls, found = tuple[FallTest, ...](), tuple[Finding, ...]()
-    if pair is not None:
+    if of_lags and (pair := as_pair(best.solved)) is not None:
         solved, of_falls, found = tested(pair, inputs.stepwise, free=True)
         if solved is not pair:  # the kind that is taken, with its falls
             best = replace(best, solved=solved)
             kinds = (kind_row(best, total, best.score), *kinds[1:])
-    told = [*_told(best, kinds, logs), *(more for one, log in zip(late, noted, strict=True) for more in one.told(log))]
+    told = _told(best, kinds, logs)
+    told += [more for one, log in zip(searched.late, searched.noted, strict=True) for more in one.told(log)]
     of_clutch = None if clutch is None else clutch.clutch
-    return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], late, of_clutch)
+    return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], searched.late, of_clutch, searched)
 
 
 def beside_the_clutch(

@@ -7,7 +7,7 @@ with them as their mean curves, each sample of each repeat alike.
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import msgspec
@@ -231,19 +231,24 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: f
     logs = [replace(behind_rest(log, REST_ROWS), source="") for log in logs_of_steps(stepset)]
     how = replace(options, ci="none" if options.ci == "none" else "robust")
     one = "lag+dead" if fit.dead_time_s > 0 else "lag"
-    for kind in ("", one) if workflow.asks_for_one_lag(fit) else ("",):  # by evidence; then the one that the two became
-        try:
-            other = fit_recorded(logs, how, falls=False, kind=kind, repeats=stepset.levels)
-        except DataError:  # what short windows of steps show is no reason to refuse them
-            return fit
-        if takes_its_place(other, fit, logs):
-            if other.noted_late_s and not late_s:  # its holds end before the fall that came as early
-                return with_another_kind(fit, stepset, options, other.noted_late_s)
-            return in_its_place(other, fit, stepset)
-        tried = () if other.plant_ is None else other.plant_.tried
-        best = max((row.fit_pct or 0.0 for row in tried if row.kind == one), default=100.0)
-        if best < explained_pct(fit, logs, False) - FAR_OFF_PCT:  # as it stands already
-            break
+    try:
+        experiment = experiment_of(logs, how, logs, repeats=stepset.levels)
+        chosen = chosen_of(experiment, falls=False)
+        for kind in ("", one):  # the one of evidence; then the one that the two lags became
+            if kind:
+                of_lag = max((row.fit_pct or 0.0 for row in chosen.kinds if row.kind == one), default=0.0)
+                if not workflow.asks_for_one_lag(fit) or of_lag < explained_pct(fit, logs, False) - FAR_OFF_PCT:
+                    break
+                chosen = chosen.of_kind(kind)
+            if chosen.of_clutch:
+                continue
+            other = fit_of(experiment, chosen)
+            if takes_its_place(other, fit, logs):
+                if other.noted_late_s and not late_s:  # its holds end before the fall that came as early
+                    return with_another_kind(fit, stepset, options, other.noted_late_s)
+                return in_its_place(other, fit, stepset)
+    except DataError:  # what short windows of steps show is no reason to refuse them
+        return fit
     return fit
 
 
@@ -258,6 +263,7 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
         return False
     whole, shapes = ([explained_pct(one, logs, own_gains) for one in (other, fit)] for own_gains in (False, True))
     as_well = part.plant.kind == "lag" and whole[0] >= whole[1] - AS_WELL_PCT
+    as_well = as_well and 100 - shapes[0] <= AS_WELL_SHAPED * (100 - shapes[1])
     swings = part.plant.kind in ("ringing", "series", "overshoot")
     left, of_clutch = beside_white(((100 - shapes[0]) ** 2, (100 - shapes[1]) ** 2), noise_pct(logs) ** 2)
     far_better = swings and left <= FAR_BETTER**2 * of_clutch
@@ -327,6 +333,7 @@ OF_SHAPES = {
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
 FAR_OFF_PCT = 3.0  # Of the fit that one lag lacks, from which on it is not asked again
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
+AS_WELL_SHAPED = 1.1  # What it leaves of the steps' shapes over what these leave, at most
 LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 
 
@@ -367,29 +374,61 @@ def fit_recorded(
     rest: float = 0.0,
     *,
     falls: bool = True,
-    kind: str = "",
     dead_time_s: float = 0.0,
-    repeats: Sequence[Level] = (),
 ) -> Fit:
     """Fit recorded logs, with or without step logs of the same clutch.
 
     The input of a `Run` is counted from `rest`. With `falls`, falls get unknowns of their own where they differ from
-    rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it. A `kind` of lag that is
-    named takes the place of the one that evidence chooses. Of logs that are the means of levels (`repeats`) it is
-    the runs of these that tell how they scatter.
+    rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it.
     """
-    options = options or FitOptions()
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
+    experiment = experiment_of(logs, options or FitOptions(), runs, steps)
+    return fit_of(experiment, chosen_of(experiment, falls, dead_time_s))
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What a fit of logs is made from."""
+
+    logs: Sequence[RecordedLog]
+    others: Sequence[RecordedLog]  # Steps of the same clutch
+    inputs: Excited
+    options: FitOptions
+    runs: Sequence[RecordedLog | Run]
+    steps: StepSet | None
+    repeats: Sequence[Level] = ()  # Levels whose means the logs are; their runs tell how they scatter
+
+    @property
+    def rests(self) -> bool:
+        """Whether some log shows the output at rest."""
+        every = (*self.logs, *self.others)
+        return any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
+
+
+def experiment_of(
+    logs: Sequence[RecordedLog], options: FitOptions, runs: Sequence[RecordedLog | Run], steps: StepSet | None = None,
+    repeats: Sequence[Level] = (),
+) -> Experiment:  # fmt: skip
+    """Logs as they are fitted, beside steps of the same clutch; `DataError` for those that tell nothing."""
     refuse(logs)
     others = logs_of_steps(steps) if steps is not None else []
     inputs = excited_by([*logs, *others], options.duty)
-    logs = [switched_on(log, inputs) for log in logs]
-    findings = input_findings(logs, inputs.levels)
-    rests = any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in (*logs, *others))
-    chosen = plant_of_logs(logs, others, inputs, options, rests, dead_time_s, falls, kind)
+    return Experiment([switched_on(log, inputs) for log in logs], others, inputs, options, runs, steps, repeats)
+
+
+def chosen_of(experiment: Experiment, falls: bool, dead_time_s: float = 0.0) -> Chosen:
+    """The plant that evidence chooses."""
+    logs, others, inputs, options = experiment.logs, experiment.others, experiment.inputs, experiment.options
+    return plant_of_logs(logs, others, inputs, options, experiment.rests, dead_time_s, falls)
+
+
+def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
+    """The whole fit with a plant that was chosen."""
+    logs, others, options, inputs = experiment.logs, experiment.others, experiment.options, experiment.inputs
     base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
+    findings = input_findings(logs, inputs.levels)
     inputs = over(inputs, base.setup.model.low, base.setup.model.high)
-    if not rests:  # another kind's T_s goes through rest, and tells the idle output so
+    if not experiment.rests:  # another kind's T_s goes through rest, and tells the idle output so
         code = "idle-not-seen" if base.setup.model.kind == "parallel" else "rest-not-seen"
         findings += [finding(code, log.name) for log in logs]
     if any(log.reference is not None for log in logs):
@@ -398,7 +437,7 @@ def fit_recorded(
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
     uncertainty = None if options.ci == "none" else spread(base)
     if uncertainty is not None:
-        uncertainty = with_runs(uncertainty, base, repeats)
+        uncertainty = with_runs(uncertainty, base, experiment.repeats)
     known = None
     if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):
         known = curves(base, uncertainty, inputs.shown)
@@ -406,9 +445,10 @@ def fit_recorded(
     findings += [*chosen.findings, *told]
     findings += [] if uncertainty is None else uncertainty.scatter.findings
     findings += [] if known is None else known.findings
-    data = data_of_logs([*logs, *others], runs, steps, inputs.levels if inputs.stepwise else np.zeros(0))
+    levels = inputs.levels if inputs.stepwise else np.zeros(0)
+    data = data_of_logs([*logs, *others], experiment.runs, experiment.steps, levels)
     findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)
-    linear = linear_beside(base, chosen, inputs, options, repeats) if "linear" in wanted else None
+    linear = linear_beside(base, chosen, inputs, options, experiment.repeats) if "linear" in wanted else None
     friction = friction_beside(base, inputs, options, known, "nonlinear" in wanted) if "friction" in wanted else None
     shown = "nonlinear" in wanted and base.setup.model.kind in ("parallel", "lag") and not base.setup.model.signed
     release = plant_found(base).release
