@@ -274,3 +274,17 @@ def test_one_level_more_than_the_curve_has_coefficients_tells_that_levels_scatte
         value, low, end = fit.at(u).loc["Ts"]
         assert low < 3e-4 * u * (u + 40) * high < end and value == pytest.approx(3e-4 * u * (u + 40) * high, rel=0.05)
     assert "levels-scatter" in {one.code for one in fit.findings}
+
+
+def test_one_lag_that_hastens_with_the_input_hides_no_slow_part_that_never_comes() -> None:
+    """τ2 had no end at any level, and T_s was what is reached over C: 17 % too high, ± 3 %."""
+    random, t, made = np.random.default_rng(3), np.arange(0.0, 16.0, 0.02), []
+    for u in (25.0, 50.0, 75.0, 100.0):
+        tau = 1.5 * np.exp(-0.6 * (u / 100 - 0.5) + 0.02 * random.standard_normal((3, 1)))
+        runs = 0.02 * u * (1 + 0.02 * random.standard_normal((3, 1))) * (1 - np.exp(-t / tau))
+        made.append(Level(u, t, runs + 0.005 * random.standard_normal((3, t.size)), (f"{u:g}",) * 3))
+    fit = eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), ci="none")
+    assert fit.plant.kind == "lag" and fit.verdict.usable
+    for u in (25.0, 50.0, 75.0, 100.0):
+        assert fit.plant.steady(u) == pytest.approx(0.02 * u, rel=0.04)
+        assert fit.plant.time_constants(u)[0] == pytest.approx(1.5 * np.exp(-0.6 * (u / 100 - 0.5)), rel=0.06)
