@@ -4,8 +4,9 @@
 
 Both bend every curve, another C by a part of its T_s, a creep by as much at each level, so that levels tell them apart;
 records of one level do not. The fit goes along by Gauss–Newton steps in r, T_s of each level, τ1(u), τ2(u) and C solved
-for anew; how the runs scatter says how sure C and r are. A creep has to be that of the idle time, too, as far as this
-shows it: what does not idle so is a slow part of the response.
+for anew; how the runs scatter says how sure C and r are, where each level has a single run how the levels do (as
+clusters). A creep has to be that of the idle time, too, as far as this shows it: what does not idle so is a slow part
+of the response.
 """
 
 from collections.abc import Sequence
@@ -55,19 +56,20 @@ def besides(stepset: StepSet, share: ShareEstimate, held: float) -> tuple[bool, 
     """Whether the runs have a C of their own, and the creep of their output; `share` is what they ask for where nothing
     creeps, with `held` in its place."""
     levels = stepset.levels
-    degrees = float(sum(len(level.runs) - 1 for level in levels))
-    if len(levels) > 1 and degrees > 0:
+    if len(levels) > 1:
         idle = np.array([run.idle_slope for run in stepset.runs if run.idle_slope is not None and not run.left_out])
         rests = [step.rest_s for step in stepset.level_steps if step.from_level == 0 and step.rest_s is not None]
         t0 = 0.5 * median(rests or [0.0])
         at_idle = float(idle.mean()) if len(idle) else 0.0
-        C, rate = _solved(levels, t0, None, degrees, at_idle)
-        if not (free := C.differs(held)):
-            _, rate = _solved(levels, t0, held, degrees, at_idle)
-        if _creeps(rate, levels, idle):
-            return free and share_is_told(C.value - C.half, C.value + C.half), Creep(
-                rate.value, rate.error, rate.half, t0
-            )
+        single, free = all(len(level.runs) == 1 for level in levels), False
+        if not single:
+            C, rate, _ = _solved(levels, t0, None, at_idle)
+            free = C.differs(held)
+        if not free:
+            C, rate, cost = _solved(levels, t0, held, at_idle)
+        if _creeps(rate, levels, idle) and not (single and _cost_of_share(levels, held) <= cost):
+            told = free and share_is_told(C.value - C.half, C.value + C.half)
+            return told, Creep(rate.value, rate.error, rate.half, t0)
     return bool(share.matters and share.ci95 is not None and share_is_told(*share.ci95)), None
 
 
@@ -86,11 +88,16 @@ def _creeps(rate: Number, levels: Sequence[Level], idle: Array) -> bool:
     return abs(rate.value - float(idle.mean())) <= APART * apart
 
 
-def _solved(
-    levels: Sequence[Level], t0: float, share: float | None, degrees: float, idle: float
-) -> tuple[Number, Number]:
-    """C, free or held, and the rate of a creep that all runs share, from the best of some rates, that of the idle time
-    among them: the slow parts of low levels imitate one."""
+def _cost_of_share(levels: Sequence[Level], held: float) -> float:
+    """What another C leaves where nothing creeps: single runs do not say how sure it is, but which of the two leaves
+    less."""
+    data = data_of(levels)
+    return float(fit_levels_first(data, held).steps.weight @ fit_levels_first(data, None).at.cost)
+
+
+def _solved(levels: Sequence[Level], t0: float, share: float | None, idle: float) -> tuple[Number, Number, float]:
+    """C, free or held, the rate of a creep that all runs share, from the best of some rates, that of the idle time
+    among them: the slow parts of low levels imitate one; and what these leave."""
     data = data_of(levels)
     first = fit_levels_first(data, share)
     weight = first.steps.weight
@@ -102,8 +109,9 @@ def _solved(
     minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
     found = [_ended(levels, data, t0, tried[k], ends[k].x, share) for k in minima[np.argsort(costs[minima])][:BEGUN]]
     rate, near, errors = min(found, key=lambda one: float(weight @ one[1].solved.at.cost))
+    degrees = float(sum(len(level.runs) - 1 for level in levels)) or float(len(levels) - len(near.solved.x) - 1)
     C = Number(float(near.solved.x[-1]), float(errors[-2]), degrees) if share is None else Number(share, 0.0, degrees)
-    return C, Number(rate, float(errors[-1]), degrees)
+    return C, Number(rate, float(errors[-1]), degrees), float(weight @ near.solved.at.cost)
 
 
 def _ended(
@@ -115,7 +123,7 @@ def _ended(
         near = Estimate(levels, fit_levels_first(moved, share, [x]))
         x, columns = near.solved.x, _columns(near, t0)
         score, back = _about(near, moved, columns)
-        step, errors = float(back[-1] @ score), _errors(near, back, columns)
+        step, errors = float(back[-1] @ score.sum(axis=0)), _errors(near, back, columns, score)
         if abs(step) <= SETTLED * errors[-1]:
             break
         rate -= step
@@ -144,18 +152,22 @@ def _columns(near: Estimate, t0: float) -> list[Array]:
 
 
 def _about(near: Estimate, data: Data, columns: Sequence[Array]) -> tuple[Array, Array]:
-    """Σ w J'(f − ȳ) of all unknowns, the rate last, and the inverse of Σ w J'J where no constraint holds them."""
-    score, curvature = 0.0, 0.0
-    residuals = near.solved.residuals(data)
-    for J, r, w in zip(columns, residuals, near.solved.steps.weight, strict=True):
-        score, curvature = score + w * (J.T @ r), curvature + w * (J.T @ J)
+    """w J'(f − ȳ) of all unknowns level by level, the rate last, and the inverse of Σ w J'J where no constraint holds
+    them."""
+    residuals, weight = near.solved.residuals(data), near.solved.steps.weight
+    score = np.array([w * (J.T @ r) for J, r, w in zip(columns, residuals, weight, strict=True)])
+    curvature = sum(w * (J.T @ J) for J, w in zip(columns, weight, strict=True))
     held = np.pad(near.blocked, ((0, 0), (0, 1)))
-    return np.asarray(score), free_inverse(np.asarray(curvature), held)
+    return score, free_inverse(np.asarray(curvature), held)
 
 
-def _errors(near: Estimate, back: Array, columns: Sequence[Array]) -> Array:
-    """Standard errors of all unknowns by how the runs of the levels scatter, (L + p + 1,)."""
-    variance = np.zeros(len(back))
+def _errors(near: Estimate, back: Array, columns: Sequence[Array], score: Array) -> Array:
+    """Standard errors of all unknowns by how the runs of the levels scatter, (L + p + 1,); of levels of a single run by
+    how far each of these pulls them."""
+    variance, count = np.zeros(len(back)), len(near.levels)
+    if all(len(level.runs) == 1 for level in near.levels):
+        shared = max(count - len(near.solved.x) - 1, 1)
+        return np.asarray(np.sqrt(((score @ back) ** 2).sum(axis=0) * count / shared))
     for level, J, w in zip(near.levels, columns, near.solved.steps.weight, strict=True):
         if (runs := len(level.runs)) > 1:
             moved = (level.runs - level.mean) @ (w * J) @ back

@@ -132,7 +132,8 @@ def _with_what_is_beside(
     share, codes = None if result.uncertainty is None else result.uncertainty.share, {x.code for x in result.findings}
     decays = "output-decays-under-hold" in codes
     unheld = options.share == SHARE and options.estimator != "joint"  # that is the paper's own fit
-    asked = unheld and "rise-of-the-rig" not in codes and share is not None and (share.rejected or decays)
+    single = all(len(level.runs) == 1 for level in behind.levels)  # which do not say what C they ask for
+    asked = unheld and "rise-of-the-rig" not in codes and share is not None and (share.rejected or decays or single)
     if share is None or result.nonlinear is None or not asked:
         return recorded, result
     free, creep = besides(behind, share, SHARE)
