@@ -93,6 +93,11 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
         shapes = single_steps(stepset, options)
+        if not (stepset.levels or shapes):
+            raise DataError(
+                "the logs hold no rise, from rest or from level to level, and a fall alone does not tell what was held; "
+                "record the rise before it, too"
+            )
         codes = {one.code for one in (*result.findings, *stepset.all_findings)}
         if another := not shapes and bool(codes & OTHER_SHAPES):
             shapes = of_another_shape(stepset, options)

@@ -72,14 +72,15 @@ def newton(setup: Setup, noise: EngagementScatter, x: Array) -> tuple[Array, Arr
 
 LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}  # Half-widths beyond which the logs do not fix an input
 WIDEST_ENDS = 10.0  # An interval wider than this factor says nothing
+OF_SOME_INPUTS = ("tau2-endless", "Ts-zero")  # Constraints that say nothing of the inputs where they do not hold
 PARABOLA = 0.05  # Half-width in the logarithm up to which a parabola is a picture of the cost
 
 
 def held(solved: Solved) -> set[str]:
     """Which of T_s, τ1, τ2 an active constraint holds at some input."""
     held = solved.setup.limits.active(i for i in solved.active.tolist() if i < len(solved.setup.limits.b))
-    # an endless τ2 is none of the inputs where it is not
-    return {name for code in held if code != "tau2-endless" for name in HELD_BY.get(code, ())[-1:]}
+    # an endless τ2 is none of the inputs where it is not, and a T_s of 0 next to rest none of those above
+    return {name for code in held if code not in OF_SOME_INPUTS for name in HELD_BY.get(code, ())[-1:]}
 
 
 @dataclass(frozen=True, eq=False)

@@ -73,23 +73,28 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
     steps = steps[:: 1 + (len(steps) - 1) // LEVELS_ASKED] if steps else []
     share = options.held_share or SHARE
     late = [step for step in steps if starts_late(step, share)]
-    if 2 * len(late) <= len(steps):
-        found = extrapolated(stepset)
-        theta_s = found.dead_time_s
-        levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
-        law = Law("free", share) if options.held_share in (None, SHARE) else Law("two", share)
-        if theta_s or sum(evidence(level, law) for level in levels) > LATE_EVIDENCE:
-            by_curves = of_least_squares(levels, law)
-            if by_curves is not None:
-                return by_curves
-        better = sum(explained_as_well(step, theta_s, options) for step in steps) if theta_s else 0
-        return found if not steps or 2 * better > len(steps) else Begin()
+    if 2 * len(late) > len(steps) and (by_shapes := of_shapes(late, stepset.levels, options, len(steps))) is not None:
+        return by_shapes
+    found = extrapolated(stepset)
+    theta_s = found.dead_time_s
+    levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
+    law = Law("free", share) if options.held_share in (None, SHARE) else Law("two", share)
+    if theta_s or sum(evidence(level, law) for level in levels) > LATE_EVIDENCE:
+        by_curves = of_least_squares(levels, law)
+        if by_curves is not None:
+            return by_curves
+    better = sum(explained_as_well(step, theta_s, options) for step in steps) if theta_s else 0
+    return found if not steps or 2 * better > len(steps) else Begin()
+
+
+def of_shapes(late: Sequence[LevelStep], levels: Sequence[Level], options: FitOptions, asked: int) -> Begin | None:
+    """The dead time of the steps that start late by their best shapes; None where most of those `asked` have none."""
     shapes = [fit_step(step, replace(options, shape="auto")) for step in late]
-    if 2 * sum(one.dead_time_s > 0 for one in shapes) <= len(steps):
-        return Begin()
     shapes = [one for one in shapes if one.dead_time_s > 0]
+    if 2 * len(shapes) <= asked:
+        return None
     weight = np.array([(one.change / (one.tau1 * max(one.rmse, 1e-12 * abs(one.change)))) ** 2 for one in shapes])
-    theta_s, reach = _mean(np.array([one.dead_time_s for one in shapes]), weight, stepset.levels)
+    theta_s, reach = _mean(np.array([one.dead_time_s for one in shapes]), weight, levels)
     return _late(theta_s, reach if len(shapes) > 1 else None)
 
 

@@ -38,8 +38,9 @@ BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the nu
 COARSE_STEPS = 25  # Steps of the sensor's resolution in a change below which its shape cannot be told
 FEWEST_CREEPS, CREEP_ERRORS, CREEP_PCT = 4, 6.0, 2.0  # Rises, standard errors of their slope, % of the least in a hold
 FLAT = 0.4  # Sharpness from which a rise is cut off and not settling
+OVER_TOP = 0.01  # Part of a flat top beyond which it is none
 CREEP = 0.002  # Share of its top by which a flat one may still creep over its last quarter
-SMOOTH_BLOCKS = 400
+SMOOTH_BLOCKS, SOON_BLOCKS = 400, 40
 FEW_ROWS_CHECKED = 100
 MOST_BRIDGED = 0.01  # Share of a run that «repair» bridges
 FEW_SAMPLES_CHECKED = 2 * BLOCKS  # Below which neither drift nor what is left is told
@@ -93,7 +94,14 @@ def _flat_top(step: Step) -> float | None:
     slack = max(CREEP * top, 3 * block_error(rise))
     if top <= 0 or creep > slack or block_means(rise).max() > top + 3 * slack or sharpness(step, top) <= FLAT:
         return None
-    return top
+    return None if swings_over(rise, top) else top
+
+
+def swings_over(rise: Array, top: float) -> bool:
+    """Whether a rise goes over where it ends soon after it came there, as what rings or hums does."""
+    soon = rise[: 4 * int((rise >= 0.95 * top).argmax() + 1)]
+    means = block_means(soon, SOON_BLOCKS)
+    return bool(means.max() > (1 + OVER_TOP) * top + 4 * block_noise(means))
 
 
 def sharpness(step: Step, ceiling: float) -> float:

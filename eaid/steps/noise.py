@@ -83,6 +83,17 @@ def sample_noise(values: Array) -> float:
     return float(1.4826 * median(steps) / np.sqrt(2)) if len(steps) else 0.0
 
 
+LONGEST_PERIOD = 64  # Samples of the longest ripple that is told from noise
+
+
+def noise_beside_ripple(values: Array) -> float:
+    """Standard deviation of the noise of single samples beside a ripple that comes again: by the differences at the
+    distance at which they are least, a slope taken off."""
+    apart = range(1, min(LONGEST_PERIOD, len(values) // 4) + 1)
+    steps = [values[k:] - values[:-k] for k in apart]
+    return min((float(1.4826 * median(np.abs(one - median(one))) / np.sqrt(2)) for one in steps), default=0.0)
+
+
 def spikes(values: Array, least: float) -> NDArray[np.intp]:
     """Samples that stand out of both neighbours, in one direction, by `SPIKE` of the noise and by `least`."""
     if len(values) < 8:

@@ -20,7 +20,7 @@ from eaid.arrays import Array, median
 from eaid.findings import finding
 from eaid.logs.run import Run
 from eaid.steps.levels import grouped
-from eaid.steps.noise import block_noise, stretches
+from eaid.steps.noise import block_noise, noise_beside_ripple, stretches
 from eaid.steps.step import sample_at, usual_step
 
 KNOWN_WELL = 100  # Pairs whose number tells how it falls from row to row
@@ -103,7 +103,7 @@ class _Output(NamedTuple):
     values: Array
     at: int  # Sample at which its input steps
     usual_s: float  # Median sample time [s]
-    slack: float  # What a copy may be off: half the unit of the last digit, or a part of the noise
+    slack: float  # What a copy may be off: half the unit of the last digit and a little, or a part of the noise
 
 
 def _output(run: Run) -> _Output:
@@ -114,9 +114,10 @@ def _output(run: Run) -> _Output:
     values = run.output[begin : at + BEHIND]
     gaps = np.diff(np.unique(values))
     digit = float(gaps.min()) if len(gaps) else 0.0  # the least by which two of its values differ
-    rounding = 0.505 * digit + SINGLE * float(np.abs(values).max(initial=0.0))
+    rounding = 0.6 * digit + SINGLE * float(np.abs(values).max(initial=0.0))
     usual_s = usual_step(run.time_s) if len(run.time_s) > 1 else 1.0
-    return _Output(run, values, at - begin, usual_s, max(rounding, COPIES_ALIKE * block_noise(values)))
+    noise = min(block_noise(values), noise_beside_ripple(values))  # a ripple of the drive is alike in every run
+    return _Output(run, values, at - begin, usual_s, max(rounding, COPIES_ALIKE * noise))
 
 
 def counted_once(runs: Sequence[Run]) -> list[Run]:

@@ -200,6 +200,15 @@ def test_a_copy_is_no_repeat(kind, form, tmp_path):
     assert len(steps.levels[0].names) == 2 - (kind not in ("another", "inside a longer log"))
 
 
+def test_repeats_with_the_same_ripple_are_no_copies():
+    """A ripple that the drive makes counted as their noise, within which two recordings are one."""
+    ripple = 0.15 * np.sin(2 * np.pi * 0.37 * np.arange(len(T)))
+    logs = {
+        name: pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(k) + ripple}) for k, name in enumerate("ab")
+    }
+    assert len(eaid.read(logs).levels[0].names) == 2
+
+
 LOG = pd.DataFrame({"time_s": T, "duty_pct": U, "torque_nm": torque(0)})
 
 

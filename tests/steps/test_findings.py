@@ -366,6 +366,17 @@ def test_several_edges_of_an_output_without_input() -> None:
         read(pd.DataFrame({"time_s": t, "torque_nm": y}))
 
 
+def test_what_rings_has_no_flat_top() -> None:
+    """Its first swing is gone from twenty means of a hold, and what it ended at "stopped at full slope"."""
+    t = np.arange(0.0, 4.0, 0.002)
+    since = np.maximum(t - 1.0, 0.0)
+    torque = 3 * (1 - np.exp(-10 * since) * (np.cos(38.7 * since) + 10 / 38.7 * np.sin(38.7 * since))) + white(
+        len(t), 0.02
+    )
+    log = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 1.0, 0.0, 50.0), "torque_nm": torque})
+    assert "flat-topped" not in {one.code for one in eaid.read(log).all_findings}
+
+
 @pytest.mark.parametrize("creep", [0.0, 0.01])
 def test_a_creep_that_each_rest_hides_is_told_by_all_and_noise_makes_no_flat_top(creep: float) -> None:
     """2.5 % of the top in a hold: τ2 was a third too long, and the runs asked for another C."""
