@@ -95,7 +95,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         shapes = single_steps(stepset, options)
         if not (stepset.levels or shapes):
             raise DataError(
-                "the logs hold no rise, from rest or from level to level, and a fall alone does not tell what was held; "
+                "the logs hold no rise, from rest or between levels, and a fall alone does not tell what was held; "
                 "record the rise before it, too"
             )
         codes = {one.code for one in (*result.findings, *stepset.all_findings)}
