@@ -22,6 +22,7 @@ from eaid.options import CHANCE, ReadOptions
 if TYPE_CHECKING:
     from eaid.findings import Finding
     from eaid.report.tables import Table
+    from eaid.results.fit import Fit
 
 R = TypeVar("R")
 OUTPUT, PLACE = "Output", "Arguments"
@@ -164,6 +165,17 @@ def tell_result(
     else:
         console.show(*shown)
     console.tell(findings, args.verbose)
+
+
+NOT_TO_BE_USED = 4  # Exit code of a fit whose verdict is that it must not be used; it is written, marked
+
+
+def exit_code_of(fit: "Fit", output: Path) -> int:
+    """0, or of a fit that must not be used 4, said of the file that it is written to."""
+    if fit.verdict.usable:
+        return 0
+    console.fail(f"{output}: is written and marked; do not use its numbers")
+    return NOT_TO_BE_USED
 
 
 def stamped(result: R, args: Common, **files: Path | list[Path] | None) -> R:

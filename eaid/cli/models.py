@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import eaid
 from eaid.cli import console
-from eaid.cli.form import OUTPUT, Common, argument, refuse_idle, stamped, takes, tell_result, written
+from eaid.cli.form import OUTPUT, Common, argument, exit_code_of, refuse_idle, stamped, takes, tell_result, written
 from eaid.declared import option
 from eaid.errors import UsageError, on_command_line
 from eaid.files import refuse_folder, refuse_to_overwrite, written_whole
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from eaid.report.tables import Table
 
 FOLLOW = "At the rig"
-NOT_TO_BE_USED = 4  # Exit code of a fit whose verdict is that it must not be used; it is written, marked
 
 
 @takes
@@ -84,7 +83,6 @@ def fit(
     stepset = read_steps(data, reading, console.progress, console.warn, console.say)[1]
     result = stamped(eaid.fit(stepset, how, progress=console.progress), args)
     result.save(output, args.force)
-    usable = result.verdict.usable
     lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {_next(result, output)}"
     shown: list[Table | str] = [*map(on_command_line, lines)]
     if args.verbose:  # all that tables need takes its time to import
@@ -95,10 +93,7 @@ def fit(
     models = ("friction", "nonlinear", "linear", "release", "steps")
     parts = ", ".join(name for name in models if getattr(result, name)) or "no model"
     console.say(f"{output}: {parts} of {runs(result, f'{result.data.kind} run')}")
-    if usable:
-        return 0
-    console.fail(f"{output}: is written and marked; do not use its numbers")
-    return NOT_TO_BE_USED
+    return exit_code_of(result, output)
 
 
 def _next(fit: "eaid.Fit", file: Path) -> str:

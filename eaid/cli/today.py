@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from eaid.cli import console
-from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
+from eaid.cli.form import Common, argument, exit_code_of, stamped, takes, tell_result, written
 from eaid.errors import on_command_line
 from eaid.files import refuse_to_overwrite
 from eaid.options import ReadOptions
@@ -15,7 +15,7 @@ def today(
     rig: Path = argument("RIG", "rig.json of eaid sessions."),
     steps: list[Path] = argument("STEP…", "Logs of one or two steps from rest, recorded in this session."),
     output: Path = written("today.json"),
-) -> None:  # fmt: skip
+) -> int:  # fmt: skip
     """One or two reference steps of today → a fit with intervals that hold for today, by what is known of the rig.
 
     tune-rc, simulate, couple, export and report take it as any other fit. Logs are read as those of the sessions were.
@@ -26,7 +26,7 @@ def today(
     from eaid.logs.folders import files_read
     from eaid.reading import read_steps
     from eaid.results import codec
-    from eaid.results.summary import answer
+    from eaid.results.summary import answer, verdict_line
     from eaid.sessions.rig import Rig
     from eaid.sessions.today import reading_of, today
 
@@ -36,8 +36,11 @@ def today(
     fit = stamped(today(known, data), args)
     fit.save(output, args.force)
     one = next(found for found in fit.findings if found.code == "for-today")
-    after = f"next    eaid {'tune-rc' if fit.linear is not None else 'report'} {output}"
+    again = any(found.code == "step-outside" for found in fit.findings)
+    after = f"eaid {'tune-rc' if fit.linear is not None and fit.verdict.usable else 'report'} {output}"
+    after = f"next    {'the step once more; as it is: ' * again}{after}"
     values = [line for line in answer(fit)[1:] if not line.startswith(("used", "logs"))]
-    shown = [f"today   {say(one)}", *map(on_command_line, values), after]
+    shown = [*map(on_command_line, verdict_line(fit)), f"today   {say(one)}", *map(on_command_line, values), after]
     tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
     console.say(f"{output}: a fit for today")
+    return exit_code_of(fit, output)

@@ -96,6 +96,22 @@ def tau2_open(levels: Sequence[Level], theta: Array, ends: tuple[Array, Array]) 
     return bool(2 * beyond.sum() > len(levels))
 
 
+def over_slow_parts(own: OwnLevels, ends: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+    """The ends of levels, those of T_s over every slow part that a record which does not tell τ2 leaves possible beside
+    a C that is held: from the plateau to the plateau over C."""
+    if own.scatter.share_free:
+        return ends
+    low, high, degrees = ends[0].copy(), ends[1].copy(), ends[2]
+    for i, (level, one) in enumerate(zip(own.levels, own.each, strict=True)):
+        at = slice(i, i + 1)
+        met = "tau2" in own.scatter.held[i]
+        if met or tau2_open([level], own.scatter.theta[:, at], (low[:, at], high[:, at])):
+            least, most = np.log(np.maximum([one.slow.Ts_low[0], one.slow.Ts_high[0]], 1e-300)).tolist()
+            half = 0.5 * float(high[0, i] - low[0, i])
+            low[0, i], high[0, i] = min(low[0, i], least - half), max(high[0, i], most + half)
+    return low, high, degrees
+
+
 def wider(low: Array, high: Array) -> tuple[Array, Array]:
     """Ends of a T_s or τ1 that rests on a τ2 that the records do not tell."""
     middle, half = 0.5 * (low + high), 0.5 * WIDER * (high - low)

@@ -24,7 +24,7 @@ from eaid.levels.bootstrap import bootstrap, drawn_ends
 from eaid.levels.certainty import Estimate, levels_first
 from eaid.levels.creep import besides
 from eaid.levels.each_level import OwnLevels, own_levels
-from eaid.levels.friction import friction_part, quoted, white_ends
+from eaid.levels.friction import friction_part, over_slow_parts, quoted, white_ends
 from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
 from eaid.levels.huber import huber_findings, with_loss
 from eaid.levels.linear import linear_part
@@ -259,7 +259,7 @@ def _of_each_level(
     own, huber = with_loss(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _missed)
     if "friction" not in models:
         return Fit(), own
-    ends = own.intervals
+    ends = over_slow_parts(own, own.intervals)
     if options.ci == "white":
         ends = white_ends(own.scatter)
     elif options.ci == "bootstrap":  # refits that run away count by rank

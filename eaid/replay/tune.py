@@ -145,11 +145,14 @@ def phi_of(fit: Fit, model: LinearPlant, bounds: Bounds, plant: Plant | None) ->
     return float(np.quantile(each, 0.95))
 
 
+# Findings of steps that slip, and of a reference step that is not what the sessions foresee
+UNKNOWN_TO_PLANT = {"output-decays-under-hold", "step-outside"}
+
+
 def unknown_to_plant(fit: Fit) -> list[Finding]:
     """What a fit says of its steps that its plant does not show, for every use of it to repeat."""
-    if fit.plant_ is not None and fit.plant_.kind == "overshoot":
-        return []
-    return [one for one in fit.findings if one.code == "output-decays-under-hold"]
+    shown = {"output-decays-under-hold"} if fit.plant_ is not None and fit.plant_.kind == "overshoot" else set()
+    return [one for one in fit.findings if one.code in UNKNOWN_TO_PLANT - shown]
 
 
 def falls_seen(fit: Fit) -> bool:

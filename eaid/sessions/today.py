@@ -21,6 +21,7 @@ from eaid.findings import Finding, finding, ranked, stops
 from eaid.levels.workflow import fit_steps
 from eaid.options import FitOptions, ReadOptions
 from eaid.plant.forms import scales, terms
+from eaid.plant.steps import decay
 from eaid.replay.compare import of_own_logs
 from eaid.results import models as parts
 from eaid.results.fit import Fit
@@ -91,11 +92,27 @@ def _steps(rig: Rig, shown: Fit, name: str) -> Known:
     one level nothing: it is another number than that of all."""
     if name == "a0":
         return NO_STEPS
-    values = values_of(shown, name, "", of_one_run=name in ("Ts", *RESPONSES))
-    repeats = dict(zip(shown.data.levels, shown.data.repeats, strict=False))
-    of_runs = [rig.quantities[name].sd_step / max(repeats.get(one.level, 1), 1) ** 0.5 for one in values]
-    each = zip(values, of_runs, strict=True)
-    return steps_known((one.level, one.value, max(of_run, one.sd_log)) for one, of_run in each)
+    values, data = values_of(shown, name, "", of_one_run=name in ("Ts", *RESPONSES)), shown.data
+    known = []
+    for one in values:
+        k = data.levels.index(one.level) if one.level in data.levels else None
+        runs, hold_s = (1, np.inf) if k is None else (max(data.repeats[k], 1), data.record_s[k])
+        sd = max(rig.quantities[name].sd_step / runs**0.5, one.sd_log)
+        ahead = _still_to_come(rig, one.level, hold_s) if name == "Ts" else 0.0
+        known.append((one.level, one.value, float(np.hypot(sd, ahead))))
+    return steps_known(known)
+
+
+def _still_to_come(rig: Rig, level: float, hold_s: float) -> float:
+    """How sure a hold that ends before the slow part has come is of ln T_s: half of what was still to come, by the
+    plant of the sessions."""
+    base = rig.base
+    if base is None or (base.plant_ is None and base.nonlinear is None):
+        return 0.0
+    plant = base.plant
+    if plant.C >= 1 or plant.zeta is not None:
+        return 0.0
+    return 0.5 * (1 - plant.C) * float(decay(np.array(hold_s), plant.time_constants(level)[1]))
 
 
 def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
