@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.optimize import brentq
-from scipy.signal import step
+from scipy.signal import butter, lfilter, step
 
 import eaid
 from eaid.arrays import Array
@@ -204,3 +204,32 @@ def test_releases_quicker_than_rises_are_told_where_no_log_shows_falls_between_l
     gains = eaid.tune_rc(msgspec.structs.replace(small_fit, plant_=plant, friction=friction))
     values = [one.values for one in gains.findings if one.code == "margin-if-falls-are-releases"]
     assert bool(values) == told and all(one["gain_db"] < 6 or one["phase_deg"] < 45 for one in values)
+
+
+def test_a_sensor_behind_a_filter_is_late_and_its_rises_are_not_slower() -> None:
+    """A load cell's amplifier of 5 Hz: no step alone wants a dead time, so none was found. τ1 was 20 % too large, and
+    RC was told 28 dB where the rig has 4."""
+    random, t, frames = np.random.default_rng(21), np.arange(0.0, 26.0, 0.005), {}
+    since, (b, a) = np.maximum(t - 3.0, 0.0), butter(2, 5 / 100)
+    for u in (20.0, 40.0, 60.0, 80.0, 100.0):
+        tau1, tau2, Ts = 0.45 - 0.002 * u, 6 + 0.06 * u, 0.0066 * u + 7.04e-4 * u**2 - 3.3e-6 * u**3
+        for k in range(3):
+            way = 1 - 0.85 * np.exp(-since / tau1 / np.exp(0.05 * random.normal())) - 0.15 * np.exp(-since / tau2)
+            torque = Ts * (1 + 0.03 * random.normal()) * way
+            ripple = lfilter([0.0975], [1, -0.905], random.normal(size=t.size)) * 0.043 * torque
+            read = lfilter(b, a, torque + ripple + 0.01 * random.normal(size=t.size))
+            frames[f"u{u:g}r{k}"] = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 3, 0.0, u), "torque_nm": read})
+    fit = eaid.fit(frames)
+    assert fit.dead_time_s == pytest.approx(np.sqrt(2) / (2 * np.pi * 5), abs=0.01)  # what the filter is late by
+    for u in (20.0, 60.0, 100.0):
+        assert fit.at(u).loc["tau1", "value"] == pytest.approx(0.45 - 0.002 * u, rel=0.08)
+
+
+def test_falls_alone_are_refused_with_what_is_missing() -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    falls = {
+        f"u{u}": pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 3, u, 0.0), "torque_nm": 0.02 * u * np.exp(
+            -np.maximum(t - 3, 0) / 0.3)}) for u in (20, 40, 60, 80, 100)
+    }  # fmt: skip
+    with pytest.raises(eaid.DataError, match="no rise, from rest or between levels, .*record the rise before it"):
+        eaid.fit(falls)

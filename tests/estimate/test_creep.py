@@ -12,13 +12,13 @@ LEVELS = (2.0, 4.0, 6.0, 8.0, 10.0)
 IDLE_S, HOLD_S = 2.0, 15.0
 
 
-def logs(C: float, creep: float, while_idle: bool = True, seed: int = 0) -> list[pd.DataFrame]:
+def logs(C: float, creep: float, while_idle: bool = True, seed: int = 0, repeats: int = 3) -> list[pd.DataFrame]:
     """T_s = 0.2 u + 0.03 u², τ 0.3 and 5 s; gains that scatter by 4 % and τ by 2 %, noise of 0.02 N; creep in N/s."""
     random, found = np.random.default_rng(seed), []
     t = np.arange(0.0, IDLE_S + HOLD_S, 0.02)
     s = np.maximum(t - IDLE_S, 0.0)
-    for u in LEVELS:
-        for _ in range(3):
+    for u in LEVELS if repeats > 1 else np.linspace(1.0, 10.0, 10):
+        for _ in range(repeats):
             tau = np.array([0.3, 5.0]) * (1 + 0.02 * random.normal())
             y = (
                 (0.2 * u + 0.03 * u * u)
@@ -80,3 +80,14 @@ def test_values_do_not_go_with_the_intervals_that_are_asked_for() -> None:
     for C, creep in ((0.75, 0.0), (0.85, 0.006)):
         with_them, without = (eaid.fit(logs(C, creep), ci=ci).plant for ci in ("robust", "none"))
         assert without == with_them
+
+
+@pytest.mark.parametrize(("C", "creep"), [(0.85, 0.01), pytest.param(0.85, 0.0, marks=pytest.mark.slow), (0.9, 0.0)])
+def test_single_runs_tell_a_creep_by_their_levels(C: float, creep: float) -> None:
+    """3 % of the highest output in a hold made τ1 of the lowest level half as long again, and T_s a sixth too large."""
+    fit = eaid.fit(logs(C, creep, repeats=1))
+    told = {one.code: one.values for one in fit.findings}
+    assert ("creep-taken-off" in told) == bool(creep)
+    if creep:
+        assert told["creep-taken-off"]["rate"] == pytest.approx(creep, rel=0.1)
+        assert fit.at(1.0).loc["tau1", "value"] == pytest.approx(0.3, rel=0.15)

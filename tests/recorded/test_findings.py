@@ -9,7 +9,7 @@ import pytest
 import eaid
 from eaid.estimate.recorded_log import RecordedLog, recorded_log, shifted
 from eaid.options import Excitation
-from eaid.plant.dynamics import REFERENCE_PLANT
+from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.recorded.closed_loop import law_behind
 from eaid.recorded.fit import fit_recorded
 from eaid.synth.excitation import synthesise_excitation
@@ -214,6 +214,28 @@ def test_a_loop_around_one_lag_does_not_end_in_a_singular_matrix() -> None:
         x += (0.04 * duty[k] - x) * (1 - np.exp(-dt / 0.6))
     fit = fit_recorded([RecordedLog("loop", dt * np.arange(n), duty, read, reference=wanted)], PLAIN)
     assert pytest.approx(15.0) == fit.recorded.loops[0].K_P and fit.plant.steady(60.0) == pytest.approx(2.4, rel=0.03)
+
+
+def test_inputs_that_act_for_a_moment_are_in_the_range_and_rest_is_no_fault() -> None:
+    """Each step of the reference kicks the duty to its limit. Beyond the middle 98 % of its time it was held at the
+    edge: τ1 was 20 % too small, ± 1 %; and a T_s of 0 next to rest made it open everywhere, NOT USABLE."""
+    random, n, dt = np.random.default_rng(12), 12_000, 0.01
+    wanted = np.repeat(np.append(0.0, random.uniform(0.5, 3.5, n // 1000 - 1)), 1000)
+    true = Plant((0.45, -0.002), (6.0, 0.06), (0.0, 0.0066, 7.04e-4, -3.3e-6), (1e-3, 100.0))
+    (x1, x2, integral), duty, read = (0.0, 0.0, 0.0), np.zeros(n), np.zeros(n)
+    for k, noise in enumerate(0.01 * random.standard_normal(n)):
+        read[k] = x1 + x2 + noise
+        wish = 40.0 * (wanted[k] - read[k]) + 60.0 * integral
+        duty[k] = min(max(wish, 0.0), 100.0)
+        integral += dt * (wanted[k] - read[k]) * (wish == duty[k])
+        at = true.at(duty[k])
+        x1 += (at.C * at.Ts - x1) * -np.expm1(-dt / at.tau1)
+        x2 += ((1 - at.C) * at.Ts - x2) * -np.expm1(-dt / at.tau2)
+    fit = fit_recorded([RecordedLog("loop", dt * np.arange(n), duty, read, reference=wanted)], PLAIN)
+    assert fit.verdict.usable and fit.recorded is not None and fit.recorded.u_range[1] == duty.max()
+    for u in (30.0, 60.0, 90.0):
+        assert fit.plant.time_constants(u)[0] == pytest.approx(true.at(u).tau1, rel=0.03)
+        assert fit.plant.steady(u) == pytest.approx(true.at(u).Ts, rel=0.02)
 
 
 @pytest.mark.slow

@@ -7,7 +7,8 @@ import pytest
 from scipy import stats
 
 import eaid
-from eaid.sessions.compare import holm
+from eaid.sessions.compare import _spread, holm
+from eaid.sessions.gather import values_of
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +76,25 @@ def test_of_two_sessions_alike_as_many_differ_as_chance_has_it(make):
             frames |= make(int(rng.integers(1e6)), levels=(u,))
         both[k] = eaid.fit(frames)
     assert not eaid.compare(both[40], both[41]).shifts[0].moved
+
+
+def test_levels_on_one_curve_are_off_together(fits):
+    """Five levels of a quadratic know no more than its three coefficients: their mean is as sure as these leave it."""
+    one = fits["s0"]
+    for name, rank in (("Ts", len(one.data.levels)), ("tau1", min(3, len(one.data.levels)))):
+        values = values_of(one, name, "A")
+        covariance, known = _spread(one, name, values)
+        assert known == rank == np.linalg.matrix_rank(covariance, tol=1e-9 * covariance.max())
+        assert np.sqrt(np.diag(covariance)) == pytest.approx([each.sd_log for each in values])
+    rng, part, weight = np.random.default_rng(0), one.nonlinear, np.full(len(values), 1 / len(values))
+    at = [k for k, name in enumerate(part.covariance.order) if name.startswith("tau1")]
+    matrix = np.array(part.covariance.matrix)[np.ix_(at, at)]
+    powers = (np.array([each.level for each in values]) / 100)[:, None] ** np.arange(len(at))
+    drawn = np.log(
+        powers
+        @ (np.array(part.tau1) * 100.0 ** np.arange(len(at)) + rng.multivariate_normal(0 * weight[:3], matrix, 4000)).T
+    )
+    assert np.sqrt(weight @ covariance @ weight) == pytest.approx((weight @ drawn).std(), rel=0.1)
 
 
 def test_holms_probabilities_are_those_of_a_textbook():

@@ -20,8 +20,10 @@ def today(rig, step):
 
 
 def test_its_levels_are_what_the_rig_foresees_given_the_step(rig, step, today):
-    shown = eaid.fit(step, model=("friction",)).friction.levels[0]
-    steps = pd.DataFrame({"level": [60.0], "value": [shown.Ts]})
+    shown, plant = eaid.fit(step, model=("friction",)).friction.levels[0], rig.base.plant
+    ahead = (1 - plant.C) * np.exp(-step.levels[0].time_s[-1] / plant.time_constants(60.0)[1])
+    sd_log = np.hypot(rig.quantities["Ts"].sd_step, 0.5 * ahead)  # half of what was still to come
+    steps = pd.DataFrame({"level": [60.0], "value": [shown.Ts], "sd_log": [sd_log]})
     foreseen = rig.next(steps=steps)
     held = {row.level: (row.Ts, *row.ci95.Ts) for row in today.friction.levels}
     for level, row in foreseen.iterrows():
@@ -110,6 +112,36 @@ def test_a_step_beyond_what_is_foreseen_and_one_beyond_the_levels_are_said(rig, 
     for gain, level, code in ((2.5, 60.0, "step-outside"), (0.0, 12.0, "reference-level-outside")):
         odd = eaid.today(rig, eaid.read(make(72, gain, levels=(level,), repeats=1)))
         assert code in {one.code for one in odd.findings}
+
+
+def test_gains_say_again_that_the_step_is_none_of_the_sessions(rig, make):
+    odd = eaid.today(rig, eaid.read(make(72, 2.5, levels=(60.0,), repeats=1)))
+    assert "step-outside" in {one.code for one in eaid.tune_rc(odd).findings}
+
+
+def test_a_step_whose_slow_part_is_still_to_come_leaves_more_open(rig, make, today):
+    """Of a step of 2 s T_s was as sure as of one of 20 s, and a tenth too small."""
+    (frame,) = make(70, 0.4, -0.2, levels=(60.0,), repeats=1).values()
+    start = float(frame.time_s[frame.duty_pct > 0].iloc[0])
+    short = eaid.today(rig, {"step": frame[frame.time_s < start + 2.0]})
+
+    def half(fit):
+        (row,) = [row for row in fit.friction.levels if row.level == 60]
+        return np.log(row.ci95.Ts[1] / row.ci95.Ts[0])
+
+    assert half(short) > 1.2 * half(today)
+    for row, whole in zip(short.friction.levels, today.friction.levels, strict=True):
+        assert row.ci95.Ts[0] < whole.Ts < row.ci95.Ts[1]
+
+
+def test_a_step_in_another_unit_must_not_be_used_and_ends_with_4(rig, make, run_eaid, tmp_path):
+    rig.save(tmp_path / "rig.json")
+    (frame,) = make(70, 0.4, -0.2, levels=(60.0,), repeats=1).values()
+    output = frame.columns[-1]
+    frame.assign(**{output: 1000 * frame[output]}).to_csv(tmp_path / "step.csv", index=False)
+    done = run_eaid("today", tmp_path / "rig.json", tmp_path / "step.csv", "-o", tmp_path / "today.json")
+    assert done.code == 4
+    assert done.out.startswith("NOT USABLE: the torque reaches") and "eaid report" in done.out
 
 
 def test_the_same_by_a_file_or_a_frame_of_the_step(rig, make, tmp_path):
