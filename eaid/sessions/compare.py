@@ -97,7 +97,7 @@ class Retune(Result, frozen=True):
     B_m: Number
     B_M: Number
     needed: bool | None
-    """None: a level's B lies outside, but not its whole interval."""
+    """None: a level's B lies outside by more than a standard error, but not its whole interval."""
     outside: tuple[Number, ...] = ()
     """Levels at which it does."""
 
@@ -108,7 +108,8 @@ class Retune(Result, frozen=True):
             return f"yes: A's B leaves the range that the gains were made for ({made}) at {at}"
         if self.needed is None:
             return f"perhaps: A's B lies outside {made} at {at}, but not for certain; a reference step more tells"
-        return f"no: A's B stays within the range that the gains were made for ({made})"
+        but = f", but for what its interval leaves open at {at}" if at else ""
+        return f"no: A's B stays within the range that the gains were made for ({made}){but}"
 
 
 class Comparison(Plotted, codec.Saved, Made, frozen=True):
@@ -260,6 +261,13 @@ def _retune(fit: Fit, gains: Gains) -> Retune:
     each = (row for row in fit.linear.per_level if row.level in kept or not kept)
     rows = [(row.level, row.B, ci95_of(row, "B")) for row in each if row.B is not None]
     out = tuple(u for u, B, _ in rows if not B_m <= B <= B_M)
-    # the range rests on a fit as good, so both ends are as open as this one's interval
-    sure = tuple(u for u, B, ci in rows if ci and (B * (ci[1] / B) ** 2**0.5 < B_m or B * (ci[0] / B) ** 2**0.5 > B_M))
-    return Retune(B_m, B_M, True if sure else None if out else False, sure or out)
+
+    def beyond(part: float) -> tuple[float, ...]:
+        """Levels outside by a part of their interval and of the range's, which rests on a fit as good."""
+        reach = part * 2**0.5
+        return tuple(
+            u for u, B, ci in rows if ci and (B * (ci[1] / B) ** reach < B_m or B * (ci[0] / B) ** reach > B_M)
+        )
+
+    sure, unsure = beyond(1.0), beyond(0.5)
+    return Retune(B_m, B_M, True if sure else None if unsure else False, sure or unsure or out)
