@@ -29,6 +29,7 @@ SURE_SHARE = 0.05  # Half-width of C up to which it takes the place of that
 LEAST_PCT = 1.0  # Of the least level that a creep makes by the end of a hold
 APART = 4.0  # Standard errors by which it may differ from that of the idle time
 FEWEST_IDLE = 4  # Runs whose idle time is known
+FEWEST_SINGLES = 8  # Levels of a single run that tell a creep beside two curves of three coefficients
 PARTS = (0.002, 0.005, 0.01, 0.02, 0.04)  # Of the highest output in a hold, that a creep may make: where it is begun
 BEGUN = 2  # Places from which it is solved
 ROUNDS, SETTLED = 20, 1e-2  # Steps in r, and the part of its standard error at which they end
@@ -56,12 +57,12 @@ def besides(stepset: StepSet, share: ShareEstimate, held: float) -> tuple[bool, 
     """Whether the runs have a C of their own, and the creep of their output; `share` is what they ask for where nothing
     creeps, with `held` in its place."""
     levels = stepset.levels
-    if len(levels) > 1:
+    single, free = all(len(level.runs) == 1 for level in levels), False
+    if len(levels) >= (FEWEST_SINGLES if single else 2):
         idle = np.array([run.idle_slope for run in stepset.runs if run.idle_slope is not None and not run.left_out])
         rests = [step.rest_s for step in stepset.level_steps if step.from_level == 0 and step.rest_s is not None]
         t0 = 0.5 * median(rests or [0.0])
         at_idle = float(idle.mean()) if len(idle) else 0.0
-        single, free = all(len(level.runs) == 1 for level in levels), False
         if not single:
             C, rate, _ = _solved(levels, t0, None, at_idle)
             free = C.differs(held)
