@@ -14,6 +14,7 @@ from eaid.arrays import Array, median
 BLOCKS = 20  # A window is judged by the means of this many equal parts
 STANDARD_ERRORS = 5.0  # Standard errors beyond which a difference is told
 SPIKE = 25.0  # Standard deviations of the noise beyond which a single sample is a spike
+MOST_SPIKES = 0.05  # Part of the samples that spikes are at most
 IDLE_BLOCK_S = 0.25
 IDLE_BLOCKS = 8  # Blocks of `IDLE_BLOCK_S` below which an idle record tells no density
 
@@ -95,14 +96,16 @@ def noise_beside_ripple(values: Array) -> float:
 
 
 def spikes(values: Array, least: float) -> NDArray[np.intp]:
-    """Samples that stand out of both neighbours, in one direction, by `SPIKE` of the noise and by `least`."""
+    """Samples that stand out of both neighbours, in one direction, by `SPIKE` of the noise and by `least`; none where
+    so many do, as where a coarse sensor goes to and fro between two of its values."""
     if len(values) < 8:
         return np.empty(0, dtype=np.intp)
     steps = np.diff(values)
     before, after = steps[:-1], steps[1:]
     sizes = np.minimum(np.abs(before), np.abs(after))
     out = np.flatnonzero((sizes > least) & (before * after < 0))
-    return out[sizes[out] > SPIKE * sample_noise(values)] + 1 if len(out) else out
+    found = out[sizes[out] > SPIKE * sample_noise(values)] + 1 if len(out) else out
+    return found if len(found) <= MOST_SPIKES * len(values) else found[:0]
 
 
 def glitch(values: Array) -> NDArray[np.intp]:

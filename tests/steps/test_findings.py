@@ -394,3 +394,12 @@ def test_a_creep_that_each_rest_hides_is_told_by_all_and_noise_makes_no_flat_top
     if creep:
         assert told["output-creeps"]["slope"] == pytest.approx(creep, rel=0.2)
         assert not any("the runs ask for C" in one for one in fit.warnings)
+
+
+def test_a_coarse_sensor_that_goes_to_and_fro_between_two_values_has_no_spikes() -> None:
+    """116 of 600 idle rows were "spikes before the step"."""
+    t = np.arange(0.0, 20.0, 0.005)
+    since = np.maximum(t - 3, 0.0)
+    torque = 0.3 * (1 - 0.85 * np.exp(-since / 0.4) - 0.15 * np.exp(-since / 7)) + white(len(t), 0.006) + 0.005
+    log = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 3, 0.0, 20.0), "torque_nm": 0.02 * np.round(50 * torque)})
+    assert not {"spikes", "spikes-before-step"} & {one.code for one in eaid.read(log).all_findings}
