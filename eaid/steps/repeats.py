@@ -103,7 +103,14 @@ class _Output(NamedTuple):
     values: Array
     at: int  # Sample at which its input steps
     usual_s: float  # Median sample time [s]
-    slack: float  # What a copy may be off: half the unit of the last digit and a little, or a part of the noise
+    rounding: float  # What a copy may be off by its last digit: half of it and a little
+    slack: float  # The same, or a part of the noise
+
+    @property
+    def slack_beside_ripple(self) -> float:
+        """The same where a ripple of the drive, alike in every run, counts for no noise."""
+        noise = min(block_noise(self.values), noise_beside_ripple(self.values))
+        return max(self.rounding, COPIES_ALIKE * noise)
 
 
 def _output(run: Run) -> _Output:
@@ -116,8 +123,8 @@ def _output(run: Run) -> _Output:
     digit = float(gaps.min()) if len(gaps) else 0.0  # the least by which two of its values differ
     rounding = 0.6 * digit + SINGLE * float(np.abs(values).max(initial=0.0))
     usual_s = usual_step(run.time_s) if len(run.time_s) > 1 else 1.0
-    noise = min(block_noise(values), noise_beside_ripple(values))  # a ripple of the drive is alike in every run
-    return _Output(run, values, at - begin, usual_s, max(rounding, COPIES_ALIKE * noise))
+    slack = max(rounding, COPIES_ALIKE * block_noise(values))
+    return _Output(run, values, at - begin, usual_s, rounding, slack)
 
 
 def counted_once(runs: Sequence[Run]) -> list[Run]:
@@ -160,5 +167,6 @@ def _copied(one: _Output, other: _Output) -> bool:
             off = a - coarse.values[coarse.at - before : coarse.at + behind]
             slack = max(one.slack, other.slack)
             if np.ptp(off) <= 2 * slack and np.ptp(a) > 0 and np.abs(off - median(off)).max() <= slack:
-                return True
+                sure = max(one.slack_beside_ripple, other.slack_beside_ripple)
+                return bool(np.abs(off - median(off)).max() <= sure)
     return False
