@@ -316,7 +316,9 @@ def compare(
     if isinstance(first, Fit) and all(isinstance(one, Fit) for one in others):
         named = dict(zip(names, (first, *others), strict=False))
         if len(named) <= len(others):
-            raise UsageError(f"{len(others) + 1} sessions and {len(set(names))} names; give each one of its own")
+            twice = next((name for k, name in enumerate(names) if name in names[:k]), None)
+            told = f"{len(others) + 1} sessions have {len(names)} names; give each its own"
+            raise UsageError(told if twice is None else f"{twice}: is given twice; give another session's fit")
         return compare_fits(named, gains, how)  # type: ignore[arg-type]
     from eaid.sessions.loop import promise_of
 

@@ -134,6 +134,7 @@ def test_names_of_many_sessions_stand_clear_of_the_letters_of_the_panels(fits):
         (("sessions", "s0.json", "s1.json"), 3, "2 sessions: three and more"),
         (("sessions", "s0.json", "s1.json", "gains.json"), 3, "gains.json: is no fit of eaid"),
         (("compare", "s0.json"), 2, "s0.json alone: give another session's fit.json"),
+        (("compare", "s0.json", "s0.json"), 2, "s0.json: is given twice; give another session's fit"),
         (("compare", "s0.json", "gains.json"), 2, "gains go behind --gains"),
         (("today", "s0.json", "s90_40_0.csv"), 3, "s0.json: is no rig of eaid"),
         (("fit", "s90_40_0.csv", "--against", "rig.json"), 2, "--against: does nothing without --follow"),
