@@ -27,6 +27,7 @@ from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.friction import friction_part, over_slow_parts, quoted, white_ends
 from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
 from eaid.levels.huber import huber_findings, with_loss
+from eaid.levels.jitter import Starts, in_step, starts_apart
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import nonlinear_part
 from eaid.levels.release import release_fit
@@ -69,7 +70,10 @@ def _known(value: float) -> bool:
     return -LARGEST_NUMBER <= value <= LARGEST_NUMBER
 
 
-def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Callable[[], None] | None = None) -> Fit:
+def fit_steps(
+    stepset: StepSet, options: FitOptions | None = None, progress: Callable[[], None] | None = None,
+    starts: Starts | None = None,
+) -> Fit:  # fmt: skip
     """Fit a set of steps and find how sure the result is: what `eaid.fit` calls.
 
     `progress` is called once per bootstrap refit. `UsageError` for an option that is none, or a model that the kind of
@@ -83,12 +87,14 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
             begin = dead_time_of(stepset, options)
             stepset = stepset.noted_late(-begin.dead_time_s)
             recorded, stepset = stepset, set_behind(stepset, begin.dead_time_s)
-            result = _fit_levels(stepset, options, progress)
+            result, scatter = _fit_levels(stepset, options, progress)
+            if starts is None and (found := starts_apart(scatter)) is not None:
+                return fit_steps(in_step(recorded, found), options, progress, found)
             still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
             if still is not None and len(still.levels) < len(stepset.levels) - len(options.hold_out):
                 stepset = stepset.without(still.levels, still)
                 recorded = recorded.without(still.levels, still)
-                result = _fit_levels(stepset, options, progress)
+                result = _fit_levels(stepset, options, progress)[0]
             stepset, result = _with_what_is_beside(recorded, stepset, result, options, progress)
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
@@ -117,6 +123,7 @@ def fit_steps(stepset: StepSet, options: FitOptions | None = None, progress: Cal
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         of_logs = [asked_again(one, options) for one in stepset.all_findings]
+        of_logs += [] if starts is None else [starts.told]
         return judged(
             msgspec.structs.replace(
                 result,
@@ -151,7 +158,7 @@ def _with_what_is_beside(
         )
         low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
         told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
-    result = _fit_levels(behind, replace(options, share="free") if free else options, progress)
+    result, _ = _fit_levels(behind, replace(options, share="free") if free else options, progress)
     if free and result.nonlinear is not None:
         C, known = result.nonlinear.C, result.nonlinear.ci95
         low, high = (known and known.C) or (C, C)
@@ -161,8 +168,9 @@ def _with_what_is_beside(
     return recorded, result
 
 
-def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> Fit:
-    """The models of steps from rest, with intervals; curves of τ near 0 or far beyond a record overflow on the way."""
+def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> tuple[Fit, Scatter]:
+    """The models of steps from rest, with intervals, and how the runs scatter; curves of τ near 0 or far beyond a
+    record overflow on the way."""
     if not stepset.levels:
         raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
     models = models_chosen(stepset.kind, options.model)
@@ -207,7 +215,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         rises = dict(zip(data.u.tolist(), scatter.curves, strict=True))
         release, more = release_fit(stepset.releases, rises, held_s, options.held_share or SHARE)
         result, findings = msgspec.structs.replace(result, release=release), [*findings, *more]
-    return msgspec.structs.replace(result, findings=tuple(findings))
+    return msgspec.structs.replace(result, findings=tuple(findings)), scatter
 
 
 def _of_the_model(

@@ -145,7 +145,7 @@ REPEATS: dict[str, tuple[Callable[..., Any], int | None, str]] = {
     # (level, repeat, time since the step) → time and output; in which repeat; what is told
     "all alike": (lambda u, s: (s, u * rise(s)), None, ""),
     "late by a row in all": (lambda u, s: (s, u * rise(s - 0.01)), None, "dead-time"),
-    "late by 3 rows in one": (lambda u, s: (s, u * rise(s - 0.03)), 1, "repeat-is-off"),
+    "late by 3 rows in one": (lambda u, s: (s, u * rise(s - 0.03)), 1, "starts-apart"),
     "filtered in one": (lambda u, s: (s, slow(u * rise(s), 0.05)), 1, "repeat-is-off"),
     "another rate in one": (lambda u, s: (1.1 * s, u * rise(s)), 1, "repeat-is-off"),
     "early by 3 rows in one": (lambda u, s: (s, u * rise(s + 0.03)), 1, "runs-left-out"),
@@ -170,3 +170,5 @@ def test_what_one_repeat_has_of_its_own_is_told(name: str) -> None:
     assert code in told if code else not {"repeat-is-off", "other-shape-fits-better"} & set(told)
     if code == "repeat-is-off":
         assert {run[-1] for run in told[code]["runs"]} == {"1"}
+    elif code == "starts-apart":  # 30 ms later than the two others, and 20 than all in the mean
+        assert told[code]["run"][-1] == "1" and told[code]["off_ms"] == pytest.approx(20, abs=4)

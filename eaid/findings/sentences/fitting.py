@@ -245,6 +245,11 @@ ROWS: dict[str, Row] = {
         "off_pct",
         rank=1,
     ),
+    "starts-apart": caution(
+        "the runs of a level start apart, by a standard deviation of {ms:.3g} ms ({pct:.2g} % of τ1; {run} by "
+        "{off_ms:+.3g} ms), as a trigger that jitters makes them: they are laid on each other; record input and output "
+        "by one clock"
+    ),
     "recorded-as-sweeps": caution(
         lambda v: (
             f"the repeats look like {v['sweeps']} sweeps: all levels of one share a shift of "
