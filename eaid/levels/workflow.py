@@ -82,14 +82,14 @@ def fit_steps(
     options = options or FitOptions()
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
-        begin = Begin()
+        begin, as_given = Begin(), stepset
         if stepset.levels or not stepset.level_steps:
             begin = dead_time_of(stepset, options)
             stepset = stepset.noted_late(-begin.dead_time_s)
             recorded, stepset = stepset, set_behind(stepset, begin.dead_time_s)
             result, scatter = _fit_levels(stepset, options, progress)
             if starts is None and (found := starts_apart(scatter)) is not None:
-                return fit_steps(in_step(recorded, found), options, progress, found)
+                return fit_steps(in_step(as_given, found), options, progress, found)
             still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
             if still is not None and len(still.levels) < len(stepset.levels) - len(options.hold_out):
                 stepset = stepset.without(still.levels, still)
