@@ -50,7 +50,9 @@ def starts_apart(scatter: Scatter) -> Starts | None:
     by_noise = float(chdtri(degrees, APART_CHANCE)) * noise / degrees
     if not by_noise < squares < np.inf or sd < max(LEAST_ROWS * row_s, LEAST_PART * tau1):
         return None
-    shifts = shifts_about(shifts)
+    shifts, slow = shifts_about(shifts), max(curve.tau1 for curve in scatter.curves)
+    if any(float(np.abs(own).max()) > slow for own in shifts.values()):  # no step as long as that is straight
+        return None
     known = [one for one in scatter.levels if one.level in shifts]
     each = [(theta, name) for one in known for theta, name in zip(shifts[one.level], one.names, strict=True)]
     off_s, run = max(each, key=lambda one: abs(one[0]))

@@ -165,8 +165,8 @@ def _copied(one: _Output, other: _Output) -> bool:
                 continue
             a = of_fine[at - before : at + behind]
             off = a - coarse.values[coarse.at - before : coarse.at + behind]
-            slack = max(one.slack, other.slack)
-            if np.ptp(off) <= 2 * slack and np.ptp(a) > 0 and np.abs(off - median(off)).max() <= slack:
-                sure = max(one.slack_beside_ripple, other.slack_beside_ripple)
-                return bool(np.abs(off - median(off)).max() <= sure)
+            if np.ptp(off) > 2 * max(one.slack, other.slack) or np.ptp(a) == 0:
+                continue
+            if np.abs(off - median(off)).max() <= max(one.slack_beside_ripple, other.slack_beside_ripple):
+                return True
     return False
