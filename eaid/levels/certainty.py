@@ -14,14 +14,12 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
-from eaid.estimate.mixed import MixedLine, MixedValues, restricted
+from eaid.estimate.mixed import MixedLine
+from eaid.estimate.own_level import SURE, gains_of_runs, levels_about, own_of_levels
 from eaid.estimate.points import Normal, level_normal, log_crossed
 from eaid.estimate.scatter import (
     FEW_DEGREES,
-    RunStatistics,
     Scatter,
-    bartlett_variance,
-    pooled_scatter,
     run_residuals,
     window_sums,
 )
@@ -31,7 +29,6 @@ from eaid.estimate.spread import (
     corrected,
     free_inverse,
     gains_of,
-    satterthwaite,
     score_test_end,
     t_quantile,
 )
@@ -47,7 +44,6 @@ from eaid.steps.stepset import Level
 # Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it
 LEVELS_TO_SPARE = 2
 SAYS_NOTHING = float(np.log(100.0))  # Logarithm of the factor up or down from which an interval says nothing
-SURE = 1e-4  # Part of T_s below which nothing scatters
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 
 
@@ -205,21 +201,12 @@ class Estimate:
         assert self.model.Ts is not None
         D, Ts = self.model.Ts.rows(self.solved.steps.data.u), self.solved.at.theta[0]
         size = np.maximum(D @ curve.coefficients, 1e-3 * float(Ts.max()))
-        W = np.diag(self.gain_scatter.expected[:, 0]) + self._of_time_constants() + SURE**2 * np.eye(len(Ts))
-        W = W * np.outer(Ts / size, Ts / size)
-        return restricted(MixedValues(Ts / size, D / size[:, None], W, (np.eye(len(Ts)),)))
+        return levels_about(Ts, size, D, self.gain_scatter, self._of_time_constants())
 
     @cached_property
     def gain_scatter(self) -> LevelScatter:
         """How ln T_s of the levels' runs scatters where τ1 and τ2 are known."""
-        found = []
-        for level, J in zip(self.levels, self.scatter.jacobians, strict=True):
-            f, square = J[:, 0], float(J[:, 0] @ J[:, 0]) or 1.0
-            off = (level.runs - level.mean) @ f / square
-            left = level.runs - np.outer(1 + off, f)
-            noise = bartlett_variance(level.time_s, (left * f).T / square).max(axis=0)
-            found.append(RunStatistics(off[:, None], np.array([noise.mean()])))
-        return pooled_scatter(found)
+        return gains_of_runs(self.levels, [J[:, 0] for J in self.scatter.jacobians])
 
     def _of_time_constants(self) -> Array:
         """Covariance of ln T_s of the levels by what is not known of τ1 and τ2, (L, L).
@@ -282,14 +269,8 @@ class Estimate:
         if line is None or self.level_scatter <= SURE:
             low, high, degrees = (part[0] for part in self.intervals(u))
             return self.numbers(u, self.coefficients)[0][0], 0.5 * (high - low), degrees[0]
-        size, each = self.solved.at.theta[0] / line.values.y, np.eye(len(u))
-        ahead = line.further(line.values.X, each[None], each[None])
-        mean, degrees = np.maximum(ahead.mean, SURE), ahead.degrees(each, self.scatter.degrees)
-        variance = np.diagonal(ahead.covariance) / mean**2
-        if (shared := float(self.gain_scatter.common[0])) > 0:  # what sweeps shift alike
-            parts, sweeps = (variance, np.full(len(size), shared)), float(self.scatter.repeats.max() - 1)
-            variance, degrees = variance + shared, satterthwaite(parts, (degrees, sweeps))
-        return np.log(mean * size), t_quantile(degrees) * np.sqrt(variance), degrees
+        size = self.solved.at.theta[0] / line.values.y
+        return own_of_levels(line, size, self.gain_scatter, self.scatter.degrees)
 
     @property
     def coefficients(self) -> Array:

@@ -15,6 +15,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
+from eaid.estimate.own_level import levels_scatter
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, held_parameters
 from eaid.estimate.spread import Influence, corrected, gains_of, t_quantile
@@ -33,8 +34,6 @@ from eaid.results import models as results
 from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 
-# Twice the logarithm of how much likelier levels with a scatter of their own are, from which it is told: one in 200
-SCATTER_SEEN = 6.6
 HOLDING = {"tau2-meets-tau1", "tau2-endless"}  # Constraints that take τ2's freedom, which is T_s's then
 # Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
 Ends = tuple[Array, Array, Array]
@@ -173,14 +172,11 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
             found.append(finding("model-explains-little", "nonlinear", R2=part.R2, fit_pct=part.fit_pct))
         else:
             found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
-    if part.Ts_through or estimate.levels_about_curve is None or estimate.levels_about_curve.gained < SCATTER_SEEN:
+    if part.Ts_through or (line := estimate.levels_about_curve) is None:
         return found
-    value, _, _ = estimate.own_Ts
     u = np.array([level.level for level in estimate.levels])
-    off = value - np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
-    i = int(np.abs(off).argmax())
-    size = {"scatter_pct": 100 * estimate.level_scatter, "worst": float(u[i]), "off_pct": 100 * float(np.expm1(off[i]))}
-    return [*found, finding("levels-scatter", "nonlinear", (), **size)]
+    curve = np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
+    return [*found, *levels_scatter(line, u, estimate.own_Ts[0], curve)]
 
 
 def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:

@@ -1,14 +1,13 @@
 """Which plant recorded logs have: the clutch's own form, with its dead time and its falls, or another kind of lag."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-import msgspec
 import numpy as np
 from scipy.special import chdtri
 
-from eaid.arrays import Array, white_squares
+from eaid.arrays import white_squares
 from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted, without_creep
@@ -21,7 +20,16 @@ from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.creep import by_noise, creeping, sure, with_creeps
 from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import seen, tested, with_falls
-from eaid.recorded.from_logs import Setup, Solved, ended_near, fit_setup, idle_found, plant_found, setup_of
+from eaid.recorded.from_logs import (
+    Setup,
+    Solved,
+    ended_near,
+    fit_setup,
+    idle_found,
+    plant_found,
+    setup_of,
+    start_states,
+)
 from eaid.recorded.inputs import MANY_LEVELS, Excited
 from eaid.recorded.kinds import (
     PRICE,
@@ -45,10 +53,7 @@ from eaid.recorded.late import (
     moved_cost,
     timed,
 )
-from eaid.recorded.log_intervals import Spread, spread
-from eaid.results.common import Interval
-from eaid.results.models import FittedData, Friction, FrictionLevel, LevelIntervals
-from eaid.results.plant import LAGS, FittedPlant, PlantIntervals, number
+from eaid.recorded.log_intervals import spread
 from eaid.results.recorded import FallTest, KindTried
 
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
@@ -476,74 +481,3 @@ def about_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Set
     """The logs with the idle output that the plant has, for the linear model: it begins where the plant does."""
     known = [replace(log, baseline=idle_found(base, k) + (log.baseline or 0.0)) for k, log in enumerate(logs)]
     return setup_of(base.fitted.model, known, True, theta_s)
-
-
-def plant_part(
-    solved: Solved, data: FittedData, uncertainty: Spread | None, tried: tuple[KindTried, ...], inputs: Excited
-) -> FittedPlant:
-    """The plant that every later command reads, with 95 % intervals of what is constant over the input, and of what
-    goes with it at some inputs."""
-    p, units = plant_found(solved), (data.input_unit, data.output_unit)
-    known, model, top = FittedPlant.of(p, units), solved.setup.model, solved.setup.model.high
-    if uncertainty is None:
-        return msgspec.structs.replace(known, tried=tried)
-    constant, rows = ["dead_time_s"] * (solved.setup.at("dead") >= 0), list[tuple[str, float]]()
-    if model.kind != "parallel":
-        constant = [name for name in known.numbers if name != "dead_time_s" or constant]
-        rows += [("Ts", u) for u in (inputs.levels.tolist() if inputs.stepwise else ())]
-        rows += [(name, u) for name in constant if known.paced and name in LAGS for u in inputs.shown.tolist()]
-
-    def numbers(x: Array) -> Array:
-        one = replace(model.parameters(x[: model.size]), dead_time_s=solved.setup.dead_time(x))
-        return np.array([*(number(one, name, top) for name in constant), *(number(one, *row) for row in rows)])
-
-    ends, levels = iter(intervals(numbers, solved.x, uncertainty)), dict[str, list[tuple[float, float, float]]]()
-    found = dict(zip(constant, ends, strict=False))
-    for (name, u), one in zip(rows, ends, strict=True):
-        levels.setdefault(name, []).extend([(u, *one)] if one is not None else [])
-    by_level = {name: tuple(at) for name, at in levels.items()}
-    return msgspec.structs.replace(known, ci95=PlantIntervals(levels=by_level, **found), tried=tried)
-
-
-def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | None:
-    """T_s, τ1 and τ2 of some levels as a plant of one lag, or two in parallel, has them; None of other kinds."""
-    p, rows = part.plant, []
-    if p.zeta is not None:
-        return None
-    for u in levels:
-        at, known = p.at(u), {name: one for name, (_, one) in part.at(u).items()}
-        ends = None if part.ci95 is None else LevelIntervals(*(known.get(name) for name in ("Ts", "tau1", "tau2", "C")))
-        rows.append(FrictionLevel(u, at.Ts, at.tau1, at.tau2, at.C, ci95=ends))
-    return Friction(p.C, levels=tuple(rows))
-
-
-def start_states(solved: Solved, log: int) -> tuple[float, float]:
-    """The states at the first row of a log, in the coordinates of the plant that the fit gives."""
-    one, two = (float(solved.x[at]) if at >= 0 else 0.0 for at in solved.setup.places[log].own[1:3])
-    model, p = solved.setup.model, plant_found(solved)
-    if model.kind != "swing" or p.zeta is not None:
-        return one, two
-    drive = solved.setup.drives[log]
-    tables, (tau1, tau2) = solved.curves(drive.duty[drive.which[:1]]), p.time_constants(drive.duty[drive.which[0]])
-    tau, zeta, z = tables.tau1[0], tables.tau2[0], solved.coefficients[-1]
-    # two lags in parallel with the same output and the same rate of it
-    rates = np.array([[1.0, 1.0], [-1 / tau1, -1 / tau2]])
-    found = np.linalg.solve(rates, [one + z * two, (two - z * one - 2 * zeta * z * two) / tau])
-    return float(found[0]), float(found[1])
-
-
-def intervals(
-    numbers: Callable[[Array], Array], x: Array, uncertainty: Spread, signed: Sequence[int] = ()
-) -> list[Interval]:
-    """The 95 % intervals of numbers of the unknowns, (m,), on their logarithms where they are above 0, but for those
-    that are `signed`. None: it says nothing."""
-    found, gradients = list[Interval](), np.zeros((len(numbers(x)), len(x)))
-    for k, step in enumerate(np.diag(1e-6 * np.maximum(np.abs(x), 1e-9))):
-        gradients[:, k] = (numbers(x + step) - numbers(x - step)) / (2 * step[k])
-    for k, (value, half) in enumerate(zip(numbers(x).tolist(), map(uncertainty.of, gradients), strict=True)):
-        sizes = k not in signed
-        if sizes and value > 0 and half < WIDE_INTERVAL * value:
-            found.append((value * float(np.exp(-half / value)), value * float(np.exp(half / value))))
-        else:
-            found.append((value - half, value + half) if (value <= 0 or not sizes) and half < np.inf else None)
-    return found

@@ -29,26 +29,17 @@ from eaid.levels.unseen import worse_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import (
-    Chosen,
-    about_idle,
-    beside_white,
-    intervals,
-    levels_of_plant,
-    plant_of_logs,
-    plant_part,
-    start_states,
-    switched_on,
-)
+from eaid.recorded.choice import Chosen, about_idle, beside_white, plant_of_logs, switched_on
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
 from eaid.recorded.fall_tests import with_falls
-from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found
+from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found, start_states
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, input_findings, over, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, spread, with_runs
+from eaid.recorded.plant_part import intervals, levels_of_plant, levels_own, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -306,7 +297,7 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
         kept = [one for one in kept if one.code != "single-runs-few-levels"]
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
-    told = [one for one in other.findings if one.code in ("kind-by-evidence", "dead-time")]
+    told = [one for one in other.findings if one.code in ("kind-by-evidence", "dead-time", "levels-scatter")]
     told += merged(
         [msgspec.structs.replace(one, subject="steps") for one in other.findings if one.code == "input-late"]
     )
@@ -438,6 +429,8 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     uncertainty = None if options.ci == "none" else spread(base)
     if uncertainty is not None:
         uncertainty = with_runs(uncertainty, base, experiment.repeats)
+    own = levels_own(base, uncertainty, experiment.repeats)
+    findings += [] if own is None else own.told
     known = None
     if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):
         known = curves(base, uncertainty, inputs.shown)
@@ -456,7 +449,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         findings=ranked(findings),
         seed=options.seed,
         data=data,
-        plant_=plant_part(base, data, uncertainty, chosen.kinds, inputs) if "nonlinear" in wanted else None,
+        plant_=plant_part(base, data, uncertainty, chosen.kinds, inputs, own) if "nonlinear" in wanted else None,
         converged=base.solver.converged,
         nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown) if shown else None,
         linear=linear,

@@ -459,3 +459,18 @@ def idle_found(solved: Solved, log: int) -> float:
     """Idle output of a log, fitted or known to be 0 after its baseline."""
     at = int(solved.setup.places[log].own[0])
     return float(solved.x[at]) if at >= 0 else 0.0
+
+
+def start_states(solved: Solved, log: int) -> tuple[float, float]:
+    """The states at the first row of a log, in the coordinates of the plant that the fit gives."""
+    one, two = (float(solved.x[at]) if at >= 0 else 0.0 for at in solved.setup.places[log].own[1:3])
+    model, p = solved.setup.model, plant_found(solved)
+    if model.kind != "swing" or p.zeta is not None:
+        return one, two
+    drive = solved.setup.drives[log]
+    tables, (tau1, tau2) = solved.curves(drive.duty[drive.which[:1]]), p.time_constants(drive.duty[drive.which[0]])
+    tau, zeta, z = tables.tau1[0], tables.tau2[0], solved.coefficients[-1]
+    # two lags in parallel with the same output and the same rate of it
+    rates = np.array([[1.0, 1.0], [-1 / tau1, -1 / tau2]])
+    found = np.linalg.solve(rates, [one + z * two, (two - z * one - 2 * zeta * z * two) / tau])
+    return float(found[0]), float(found[1])

@@ -60,6 +60,8 @@ class FittedPlant(Result, frozen=True):
     """T_s of inputs below rest; empty: the input has one sign."""
     Ts_through: tuple[tuple[Number, Number], ...] = ()
     """Inputs and values that T_s(u) goes through in place of `Ts` (`--curve levels`); empty: it is the polynomial."""
+    Ts_levels: tuple[tuple[Number, Number], ...] = ()
+    """Of another kind from steps the levels, and T_s of each, its own about the curve; empty: the curve's."""
     dead_time_s: Annotated[float, msgspec.Meta(ge=0, le=1e60)] = 0.0
     idle: Number = 0.0
     """Output at rest."""
@@ -100,10 +102,15 @@ class FittedPlant(Result, frozen=True):
         names = ("gain", *("gain_below",) * p.signed, *names_of(p))
         return {name: (number(p, name, top), getattr(self.ci95, name, None)) for name in names}
 
+    def value(self, name: str, u: float) -> float:
+        """What the plant is known by at an input: T_s of a level its own."""
+        own = (Ts for level, Ts in self.Ts_levels if name == "Ts" and math.isclose(level, u))
+        return next(own, number(self.plant, name, u))
+
     def at(self, u: float) -> dict[str, tuple[float, Interval]]:
         """T_s and what the plant is known by at an input, each with its interval."""
-        p = self.plant
-        return {name: (value := number(p, name, u), self._ends(name, u, value)) for name in ("Ts", *names_of(p))}
+        names = ("Ts", *names_of(self.plant))
+        return {name: (value := self.value(name, u), self._ends(name, u, value)) for name in names}
 
     def _ends(self, key: str, u: float, value: float) -> Interval:
         """The interval of a value at an input: where it goes with the input no narrower than at those to both sides."""
@@ -117,7 +124,7 @@ class FittedPlant(Result, frozen=True):
         at = [row for row in rows if math.isclose(row[0], u)]
         place = bisect_left(rows, (u,))
         rows = at or rows[max(place - 1, 0) : place + 1]
-        beside = [(number(self.plant, key, near), low, high) for near, low, high in rows]
+        beside = [(self.value(key, near), low, high) for near, low, high in rows]
         if value <= 0 or any(own <= 0 for own, *_ in beside):
             return None
         return value * min(low / own for own, low, _ in beside), value * max(high / own for own, _, high in beside)

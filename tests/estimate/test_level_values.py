@@ -9,7 +9,7 @@ import pytest
 
 import eaid
 from eaid.apparatus import Apparatus
-from eaid.plant.dynamics import REFERENCE_PLANT
+from eaid.plant.dynamics import REFERENCE_PLANT, Step
 from eaid.plant.steps import step_response
 from eaid.report.figures.steps import nonlinear_curves
 from eaid.results.fit import Fit
@@ -63,6 +63,24 @@ def test_levels_on_the_curve_lean_on_it() -> None:
     for row in fit.friction_levels:
         assert row.ci95.Ts[0] < REFERENCE_PLANT.at(row.level).Ts < row.ci95.Ts[1]
         assert np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) < 0.12
+
+
+def test_a_level_of_one_lag_keeps_its_own_value_too() -> None:
+    random, t, made = np.random.default_rng(5), np.arange(0.0, 6.0, 0.01), []
+    own = {float(u): 2.0 * (u / 100) ** 1.3 * OFF.get(float(u), 1.0) for u in LEVELS}
+    for u, Ts in own.items():
+        each = [Step(Ts * (1 + 0.01 * random.standard_normal()), 0.5, 0.5, 1.0) for _ in range(3)]
+        outputs = np.array([step_response(one, t) + 0.005 * random.standard_normal(len(t)) for one in each])
+        made.append(Level(u, t, outputs, tuple(f"{u:g}-{r}" for r in range(3))))
+    fit = eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)))
+    assert fit.plant.kind == "lag"
+    rows = {row.level: row for row in fit.friction_levels}
+    for u in OFF:
+        low, high = rows[u].ci95.Ts
+        assert low < own[u] < high and not low < float(fit.plant.curve(u)) < high
+        assert fit.at(u).loc["Ts", "value"] == rows[u].Ts == pytest.approx(own[u], rel=0.02)
+    (told,) = [one for one in fit.findings if one.code == "levels-scatter"]
+    assert told.values["worst"] == 50 and told.values["off_pct"] < -10
 
 
 def test_between_levels_the_band_has_their_scatter_in_it() -> None:

@@ -1,0 +1,117 @@
+"""The plant of a recorded fit as results hold it: its numbers with their intervals, T_s of levels each its own."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import msgspec
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.estimate.own_level import SURE, gains_of_runs, levels_about, levels_scatter, own_of_levels
+from eaid.findings import Finding
+from eaid.recorded.from_logs import Solved, plant_found
+from eaid.recorded.inputs import Excited
+from eaid.recorded.log_intervals import Spread
+from eaid.results.common import Interval
+from eaid.results.models import FittedData, Friction, FrictionLevel, LevelIntervals
+from eaid.results.plant import LAGS, FittedPlant, PlantIntervals, number
+from eaid.results.recorded import KindTried
+from eaid.steps.stepset import Level
+
+WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class LevelsOwn:
+    """Levels that were held, ln T_s of each, its own about the curve, and the half-width of its interval, (L,)."""
+
+    u: Array
+    Ts: Array
+    half: Array
+    told: list[Finding]
+
+
+def levels_own(solved: Solved, known: Spread | None, levels: Sequence[Level]) -> LevelsOwn | None:
+    """T_s of levels whose mean curves a fit of another kind is of; None where their runs part no level from the curve:
+    single ones, or as few levels as the curve has coefficients."""
+    setup, first = solved.setup, solved.setup.model.slices[0]
+    if known is None or known.runs is None or setup.model.kind == "parallel" or len(levels) <= first.stop:
+        return None
+    u, x = np.array([level.level for level in levels]), solved.x
+    curves = [y + missed for y, missed in zip(solved.outputs, solved.missed, strict=True)]
+    own = [1 - float(f @ r) / (float(f @ f) or 1.0) for f, r in zip(curves, solved.missed, strict=True)]
+    D = setup.slopes(u)[0][:, first]
+    size = D @ x[first]
+    if not (size > 0).all() or min(own) <= 0:
+        return None
+    by_lags = np.zeros((len(u), setup.size))  # how ln T_s of a level by itself goes with the other unknowns
+    for k, f in enumerate(curves):
+        J = setup.jacobian(x, k)[0][:, first.stop :] / np.sqrt(float(setup.drives[k].w.max()))
+        by_lags[k, first.stop :] = -(f @ J) / (f @ f)
+    gains = gains_of_runs(levels, [f * gain for f, gain in zip(curves, own, strict=True)])
+    line = levels_about(np.array(own) * size, size, D, gains, by_lags @ known.covariance @ by_lags.T)
+    if line.v[0] <= SURE**2:
+        return None
+    Ts, half, _ = own_of_levels(line, size, gains, float(gains.degrees.sum()))
+    return LevelsOwn(u, Ts, half, levels_scatter(line, u, Ts, np.log(size)))
+
+
+def plant_part(
+    solved: Solved, data: FittedData, uncertainty: Spread | None, tried: tuple[KindTried, ...], inputs: Excited,
+    own: LevelsOwn | None,
+) -> FittedPlant:  # fmt: skip
+    """The plant that every later command reads, with 95 % intervals of what is constant over the input, and of what
+    goes with it at some inputs; T_s of levels is each its `own` where their runs tell it."""
+    p, units = plant_found(solved), (data.input_unit, data.output_unit)
+    known, model, top = FittedPlant.of(p, units), solved.setup.model, solved.setup.model.high
+    if uncertainty is None:
+        return msgspec.structs.replace(known, tried=tried)
+    constant, rows = ["dead_time_s"] * (solved.setup.at("dead") >= 0), list[tuple[str, float]]()
+    if model.kind != "parallel":
+        constant = [name for name in known.numbers if name != "dead_time_s" or constant]
+        rows += [("Ts", u) for u in (inputs.levels.tolist() if inputs.stepwise else ())]
+        rows += [(name, u) for name in constant if known.paced and name in LAGS for u in inputs.shown.tolist()]
+
+    def numbers(x: Array) -> Array:
+        one = replace(model.parameters(x[: model.size]), dead_time_s=solved.setup.dead_time(x))
+        return np.array([*(number(one, name, top) for name in constant), *(number(one, *row) for row in rows)])
+
+    ends, levels = iter(intervals(numbers, solved.x, uncertainty)), dict[str, list[tuple[float, float, float]]]()
+    found = dict(zip(constant, ends, strict=False))
+    for (name, u), one in zip(rows, ends, strict=True):
+        levels.setdefault(name, []).extend([(u, *one)] if one is not None else [])
+    by_level = {name: tuple(at) for name, at in levels.items()}
+    if own is not None:
+        u, ends = own.u.tolist(), np.exp(own.Ts + np.multiply.outer([0.0, -1.0, 1.0], own.half)).tolist()
+        by_level["Ts"] = tuple(zip(u, *ends[1:], strict=True))
+        known = msgspec.structs.replace(known, Ts_levels=tuple(zip(u, ends[0], strict=True)))
+    return msgspec.structs.replace(known, ci95=PlantIntervals(levels=by_level, **found), tried=tried)
+
+
+def levels_of_plant(part: FittedPlant, levels: Sequence[float]) -> Friction | None:
+    """T_s, τ1 and τ2 of some levels as a plant of one lag, or two in parallel, has them; None of other kinds."""
+    p, rows = part.plant, []
+    if p.zeta is not None:
+        return None
+    for u in levels:
+        at, known = replace(p.at(u), Ts=part.value("Ts", u)), {name: one for name, (_, one) in part.at(u).items()}
+        ends = None if part.ci95 is None else LevelIntervals(*(known.get(name) for name in ("Ts", "tau1", "tau2", "C")))
+        rows.append(FrictionLevel(u, at.Ts, at.tau1, at.tau2, at.C, ci95=ends))
+    return Friction(p.C, levels=tuple(rows))
+
+
+def intervals(
+    numbers: Callable[[Array], Array], x: Array, uncertainty: Spread, signed: Sequence[int] = ()
+) -> list[Interval]:
+    """The 95 % intervals of numbers of the unknowns, (m,), on their logarithms where they are above 0, but for those
+    that are `signed`. None: it says nothing."""
+    found, gradients = list[Interval](), np.zeros((len(numbers(x)), len(x)))
+    for k, step in enumerate(np.diag(1e-6 * np.maximum(np.abs(x), 1e-9))):
+        gradients[:, k] = (numbers(x + step) - numbers(x - step)) / (2 * step[k])
+    for k, (value, half) in enumerate(zip(numbers(x).tolist(), map(uncertainty.of, gradients), strict=True)):
+        sizes = k not in signed
+        if sizes and value > 0 and half < WIDE_INTERVAL * value:
+            found.append((value * float(np.exp(-half / value)), value * float(np.exp(half / value))))
+        else:
+            found.append((value - half, value + half) if (value <= 0 or not sizes) and half < np.inf else None)
+    return found
