@@ -167,7 +167,8 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
     found = []
     if nothing := [row for row in part.per_level if row.fit_pct is not None and row.fit_pct < 0]:
         worst = min(nothing, key=lambda row: row.fit_pct or 0.0)
-        values = {"worst": worst.level, "fit_pct": worst.fit_pct, "of": len(part.per_level)}
+        repeats = bool((estimate.scatter.repeats > 1).any())
+        values = {"worst": worst.level, "fit_pct": worst.fit_pct, "repeats": repeats}
         if len(nothing) == len(part.per_level):
             found.append(finding("model-explains-little", "nonlinear", R2=part.R2, fit_pct=part.fit_pct))
         else:

@@ -40,11 +40,14 @@ from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged
 from eaid.shapes.delay import Begin, dead_time_of, set_behind
 from eaid.shapes.each_step import between_rows, of_another_shape, single_steps
+from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level, StepSet
 
 MEETS = ("tau2-meets-tau1", "tau1-floor")  # Constraints that hold two lags which are one
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
+# What no step response explains; the output of a level stays at rest where it is this part of the largest at most
+NO_STEP, AT_REST = ("output-stays-at-rest", "curve-explains-little"), 0.02
 SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
 LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 
@@ -90,10 +93,9 @@ def fit_steps(
             result, scatter = _fit_levels(stepset, options, progress)
             if starts is None and (found := starts_apart(scatter)) is not None:
                 return fit_steps(in_step(as_given, found), options, progress, found)
-            still = next((one for one in result.findings if one.code == "curve-explains-little"), None)
-            if still is not None and len(still.levels) < len(stepset.levels) - len(options.hold_out):
-                stepset = stepset.without(still.levels, still)
-                recorded = recorded.without(still.levels, still)
+            no_step = [one for one in result.findings if one.code in NO_STEP]
+            if no_step and sum(len(one.levels) for one in no_step) < len(stepset.levels) - len(options.hold_out):
+                stepset, recorded = stepset.without(no_step), recorded.without(no_step)
                 result = _fit_levels(stepset, options, progress)[0]
             stepset, result = _with_what_is_beside(recorded, stepset, result, options, progress)
         else:  # a staircase that never rests: no model of steps from rest
@@ -186,9 +188,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         result, near = fitted(stepset, data, models, options, held_out, progress)
         scatter, share = near.scatter, None
         findings = [*result.findings, *scatter_findings(scatter)]
-        pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
-        if little := [one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])]:
-            findings.append(finding("curve-explains-little", "friction", little))
+        findings += no_steps(scatter)
         misfits: tuple[LackOfFit, ...] = ()
         if "friction" in models or "nonlinear" in models:
             misfits, more = adequacy(scatter, stepset.input_unit)
@@ -299,6 +299,16 @@ def scatter_findings(scatter: Scatter) -> list[Finding]:
     shifted = tuple(name for name, common in zip(CURVES, scatter.pooled.common, strict=False) if common > 0)
     sweeps, runs = int(scatter.repeats.max()), int(scatter.repeats.sum())
     return [*odd_repeats(scatter), finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
+
+
+def no_steps(scatter: Scatter) -> list[Finding]:
+    """Levels that no step response explains: those whose output stays at rest, and others."""
+    pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
+    little = {one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])}
+    tops = {one.level: float(np.abs(block_means(one.mean)).max()) for one in scatter.levels}
+    still = {u for u in little if tops[u] <= AT_REST * max(tops.values())}
+    found = {"output-stays-at-rest": sorted(still), "curve-explains-little": sorted(little - still)}
+    return [finding(code, "friction", levels) for code, levels in found.items() if levels]
 
 
 def odd_repeats(scatter: Scatter) -> list[Finding]:

@@ -257,16 +257,16 @@ class StepSet(Shown):
         told = tuple(one for one in self.findings if one.code != "output-creeps")
         return replace(self, levels=levels, releases=releases, findings=told)
 
-    def without(self, levels: Sequence[float], why: Finding) -> "StepSet":
-        """The set without some of its levels and their releases, with `why` as a warning."""
+    def without(self, why: Sequence[Finding]) -> "StepSet":
+        """The set without the levels of some findings and their releases, with these as warnings."""
+        levels = sorted(u for one in why for u in one.levels)
         parts = [[one for one in group if one.level not in levels] for group in (self.levels, self.releases)]
         names = {name for level in parts[0] + parts[1] for name in level.names}
         out = [run.left_out or (run.from_level == 0 and run.name not in names) for run in self.runs]
         runs = tuple(replace(run, left_out=left) for run, left in zip(self.runs, out, strict=True))
         told = finding("levels-left-out", "data", levels, unit=self.input_unit)
-        findings = [one for one in self.findings if one is not why]
-        findings += [msgspec.structs.replace(why, severity="caution"), told]
-        return replace(self, levels=tuple(parts[0]), releases=tuple(parts[1]), runs=runs, findings=tuple(findings))
+        findings = (*self.findings, *(msgspec.structs.replace(one, severity="caution") for one in why), told)
+        return replace(self, levels=tuple(parts[0]), releases=tuple(parts[1]), runs=runs, findings=findings)
 
     def to_frame(self) -> "pandas.DataFrame":
         """One row a run: level, repeat, edge, step instant, baseline, samples, and the codes of its findings."""

@@ -173,6 +173,17 @@ def test_a_closed_loop_is_not_explained(clutch_set: Maker) -> None:
     assert {("curve-explains-little", "friction"), ("model-explains-little", "nonlinear")} <= stops
 
 
+def test_levels_at_which_the_input_does_not_act_yet_are_named_and_left_out() -> None:
+    random = np.random.default_rng(1)
+    rows = [
+        (u, T, step_response(Step(max(u - 20, 0) / 20, 0.3, 6.0), T)) for u in (10.0, 20.0, 40.0, 60.0, 80.0, 100.0)
+    ]
+    found = quick(steps_of(*((u, t, y + 0.02 * random.standard_normal(len(t))) for u, t, y in rows)))
+    told = {one.code: one for one in found.findings}
+    assert told["output-stays-at-rest"].levels == (10.0, 20.0) and "curve-explains-little" not in told
+    assert found.data.levels == (40.0, 60.0, 80.0, 100.0) and found.plant.u_range[0] == 40.0
+
+
 def judged(t: Any, y: Any) -> bool:
     return "curve-explains-little" in codes(quick(steps_of((50.0, t, y)), model=("friction",)))
 

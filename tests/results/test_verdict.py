@@ -81,7 +81,7 @@ def test_a_plant_that_explains_no_level_or_not_its_own_logs_is_not_usable(sound)
         return changed(sound, "data", replayed=(*rows, last))
 
     def missing(levels):
-        told = finding("curve-misses-levels", "nonlinear", levels, fit_pct=-3.0, worst=20.0, of=len(LEVELS))
+        told = finding("curve-misses-levels", "nonlinear", levels, fit_pct=-3.0, worst=20.0, repeats=True)
         return msgspec.structs.replace(sound, findings=(told,))
 
     for good in (played(5.0, -80.0), missing(LEVELS[1:])):

@@ -134,6 +134,10 @@ ROWS: dict[str, Row] = {
         "two exponentials explain little of the output {at}: this is no single step response; look at the "
         "plot for several steps, a closed loop or a disturbance, and give «step_at» and «until»"
     ),
+    "output-stays-at-rest": stop(
+        "the output stays at rest {at}: the input does not act there, or the sensor does not see it; between there and "
+        "the next level it begins to act, and the model knows nothing of it"
+    ),
     "model-explains-little": stop("the {subject} model explains little of the outputs; do not use its numbers"),
     "fast-rise-not-resolved": caution("τ1 is at its floor of 1 ms {at}: the fast rise is not resolved"),
     "output-does-not-rise": caution("T_s is at 0 {at}: the output does not rise with the step; check its sign"),
@@ -304,8 +308,14 @@ ROWS: dict[str, Row] = {
         rank=1,
     ),
     "curve-misses-levels": caution(
-        "{at} the model explains nothing (fit {fit_pct:.2g} % at {worst:g}): do not use it there; the table shows the "
-        "levels' own values, and «curve» levels takes T_s through them",
+        lambda v: (
+            f"{v['at']} the model explains nothing (fit {v['fit_pct']:.2g} % at {v['worst']:g}): do not use it there; "
+            + (
+                "the table shows the levels' own values, and «curve» levels takes T_s through them"
+                if v.get("repeats", True)
+                else "with repeats of each level «curve» levels takes T_s through them"
+            )
+        ),
         rank=0,
     ),
     "repeats-miss-alike": note(
