@@ -134,9 +134,10 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
         return any(one.quantity in CLAIMED and one.changed for one in self.shifts)
 
     @property
-    def tune_anew(self) -> bool:
-        """Whether gains are to be made for A: its B left their range; where none are given, what is claimed moved."""
-        return bool(self.files) and (self.changed if self.retune is None else self.retune.needed is not False)
+    def tune_anew(self) -> bool | None:
+        """Whether gains are to be made for A: its B left their range, or where none are given A moved. None: perhaps,
+        a reference step tells."""
+        return bool(self.files) and (self.changed if self.retune is None else self.retune.needed)
 
     @property
     def retuning(self) -> str:

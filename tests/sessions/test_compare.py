@@ -105,19 +105,23 @@ def test_gains_are_to_be_made_anew_where_b_leaves_their_range(before, make):
     gains = eaid.tune_rc(before)
     same = eaid.compare(before_again(before), before, gains=gains).retune
     assert same.needed is False and not same.outside
-    rows = tuple(
-        msgspec.structs.replace(
-            row, B=0.99 * row.B, ci95=msgspec.structs.replace(row.ci95, B=tuple(0.99 * b for b in row.ci95.B))
-        )
-        for row in before.linear.per_level
-    )
-    less = msgspec.structs.replace(before_again(before), linear=msgspec.structs.replace(before.linear, per_level=rows))
-    little = eaid.compare(less, before, gains=gains).retune
-    assert (
-        little.needed is False and little.outside and "leaves open" in little.words()
-    )  # as every other session has it
+    little = eaid.compare(with_B(before, 0.99), before, gains=gains).retune
+    assert little.needed is False and little.outside and "leaves open" in little.words()  # as every session has it
+    perhaps = eaid.compare(with_B(before, 0.9), before, gains=gains)
+    assert perhaps.retune.needed is None and perhaps.tune_anew is None  # and no command makes them anew
     far = eaid.compare(eaid.fit(make(33, np.log(0.4))), before, gains=gains).retune
     assert far.needed is True and len(far.outside) >= 1
+
+
+def with_B(fit, factor):
+    """The same by other logs, every B so many times as large."""
+    again, linear = before_again(fit), fit.linear
+    ends = ((row, tuple(factor * end for end in row.ci95.B)) for row in linear.per_level)
+    rows = tuple(
+        msgspec.structs.replace(row, B=factor * row.B, ci95=msgspec.structs.replace(row.ci95, B=both))
+        for row, both in ends
+    )
+    return msgspec.structs.replace(again, linear=msgspec.structs.replace(linear, per_level=rows))
 
 
 def before_again(fit):

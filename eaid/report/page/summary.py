@@ -139,7 +139,7 @@ def _sessions(results: Results, known: Known) -> Iterator[Light]:
             yield Light(f"A against {one.against}", "care" if one.changed else "good", word + one.words(), "sessions")
         if found.files:
             said = on_command_line(found.retuning)
-            yield Light("Make gains anew", "care" if found.tune_anew else "good", said, "sessions")
+            yield Light("Make gains anew", "good" if found.tune_anew is False else "care", said, "sessions")
         if found.promise is not None:
             said = "; ".join(f"{one.name}: {one.word}" for one in found.promise.rows)
             where = f"{found.promise.controller} in {found.promise.log}: {said}"
