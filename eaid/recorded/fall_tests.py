@@ -5,7 +5,9 @@ parallel.
     fall     factors on τ1, τ2 of falls between identified inputs against 1
     excess   T_s after a fall of a stepwise input, T_s (1 + h), against h = 0
 
-Each is an unknown (or two) beside the coefficients; Wald's test with the covariance of the coloured residuals.
+Each is an unknown (or two) beside the coefficients; Wald's test with the covariance of the coloured residuals. Falls to
+rest that would make the lowest input surer than its own rises do keep numbers of their own, alike or not: that they go
+as it does is an assumption, which no interval holds.
 """
 
 from dataclasses import dataclass, replace
@@ -21,6 +23,7 @@ from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.recorded import FallTest
 
 FALL_CHANCE = 1e-3  # A difference is taken over where chance makes one as large more rarely than this …
+MAKES_SURER = 0.9  # Half-widths at the lowest input over those with falls to rest of their own, from which it is none
 LEAST_DIFFERENCE = {"rest": 0.1, "fall": 0.05, "excess": 0.003}  # … and it is larger than this part
 # The numbers of each as results name them
 FALL_NAMES = {
@@ -50,7 +53,8 @@ def tested(base: Solved, stepwise: bool, free: bool) -> tuple[Solved, tuple[Fall
     if names:
         whole = with_falls(base, names)
         judgements = _judged(whole, names)
-        if differing := tuple(name for name in names if judgements[name].differs):
+        own = ("rest",) if "rest" in names and _makes_surer(base, whole) else ()
+        if differing := tuple(name for name in names if judgements[name].differs or name in own):
             base = whole if differing == names else with_falls(base, differing)
             if differing != names:
                 judgements |= _judged(base, differing)
@@ -92,6 +96,16 @@ def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
     own = x[before.shared :] if dead < 0 else np.append(x[dead], x[before.shared :])
     extras = names if dead < 0 else (*names, "dead")
     return ended_near(replace(before, extras=extras), np.r_[x[: before.model.size], begin, own])
+
+
+def _makes_surer(base: Solved, whole: Solved) -> bool:
+    """Whether falls that go as the lowest input narrow what is known of its τ1 or τ2."""
+    halves, low = [], np.array([base.setup.model.low])
+    for solved in (base, whole):
+        known, rows = spread(solved), solved.setup.slopes(low)[1 : 2 + (solved.setup.model.tau2 is not None), 0]
+        halves.append([known.of(row) for row in rows])
+    tied, own = np.array(halves)
+    return bool((tied < MAKES_SURER * own).any())
 
 
 def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:
@@ -136,9 +150,9 @@ def _findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, .
     if "rest" in judgements:
         taus_s, chance = tuple(judgements["rest"].values.tolist()), judgements["rest"].chance
         edges_s = tuple(edges(solved)[: len(taus_s)].tolist())
-        findings = [finding("release-alike", "release", edges_s=edges_s, chance=chance)]
-        if "rest" in kept:
-            findings = [finding("release-differs", "release", taus_s=taus_s, edges_s=edges_s, chance=chance)]
+        code = "release-alike" if "rest" not in kept else "release-own"
+        code = "release-differs" if judgements["rest"].differs else code
+        findings = [finding(code, "release", taus_s=taus_s, edges_s=edges_s, chance=chance)]
     if "fall" in kept:
         factors, chance = tuple(judgements["fall"].values.tolist()), judgements["fall"].chance
         findings.append(finding("falls-differ", "nonlinear", factors=factors, chance=chance))

@@ -420,6 +420,10 @@ ROWS: dict[str, Row] = {
         "falls to rest have time constants of their own, {taus_s:.3g} s (the lowest input would give {edges_s:.3g} s; "
         "chance {chance:.2g}); they are fitted and taken for the release"
     ),
+    "release-own": note(
+        "falls to rest have {taus_s:.3g} s of their own; these may be those of the lowest input, {edges_s:.3g} s (by "
+        "chance in {chance:.2g}), which they do not make surer"
+    ),
     "release-alike": note(
         "falls to rest are as fast as the lowest input gives, {edges_s:.3g} s, as far as these logs can tell (chance "
         "{chance:.2g})"
