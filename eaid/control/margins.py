@@ -34,7 +34,8 @@ from eaid.plant import linear
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import Complex, Operating, around, lag
-from eaid.results.common import Interval
+from eaid.results.common import Interval, ci95_of
+from eaid.results.fit import Fit
 from eaid.results.gains import Margin, MarginPoint, Margins, Timing
 from eaid.results.models import LinearLevel, StepShape
 
@@ -60,6 +61,18 @@ class Point(NamedTuple):
 
 MARGIN_POINTS = 10  # Operating points of the margins where the fit names no levels
 STEEP_INPUTS = 9  # Inputs beside a level at which T_s(u) is looked at for its steepest slope
+
+
+def points_of(
+    fit: Fit, plant: Plant | None, model: LinearPlant, rows: Sequence[LinearLevel], limits: tuple[float, float]
+) -> list[Point]:
+    """Where the loops of a fit are looked at: held duties, its plant there, and how much steeper the rig may be."""
+    points = as_stepped(operating_points(plant, model, rows, fit.data.levels, limits), fit.steps)
+    if plant is None or not plant.sloped:
+        return points
+    ends = {row.level: ci95_of(row, "Ts") for row in fit.level_values}
+    scatter = (fit.nonlinear.level_scatter if fit.nonlinear is not None else None) or 0.0
+    return may_be_steeper(points, plant, ends, scatter)
 
 
 def operating_points(

@@ -54,11 +54,11 @@ def own_of_levels(line: MixedLine, size: Array, gains: LevelScatter, known: floa
     return np.log(mean * size), t_quantile(degrees) * np.sqrt(variance), degrees
 
 
-def levels_scatter(line: MixedLine, u: Array, own: Array, curve: Array) -> list[Finding]:
+def levels_scatter(line: MixedLine, u: Array, own: Array, curve: Array, levels_off: bool = False) -> list[Finding]:
     """Where levels lie off their curve by more than their runs scatter; `own` and `curve` are ln T_s, (L,)."""
     if line.gained < SCATTER_SEEN:
         return []
     off = own - curve
     i = int(np.abs(off).argmax())
     sizes = {"scatter_pct": 100 * float(np.sqrt(line.v[0])), "off_pct": 100 * float(np.expm1(off[i]))}
-    return [finding("levels-scatter", "nonlinear", (), worst=float(u[i]), **sizes)]
+    return [finding("levels-scatter", "nonlinear", (), worst=float(u[i]), levels_off=levels_off, **sizes)]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from eaid.control.gains import plant_of
-from eaid.control.margins import margins, operating_points
+from eaid.control.margins import margins, operating_points, points_of
 from eaid.errors import EaidError, GainsError
 from eaid.export.constants import constants_of
 from eaid.export.job import Job, Source, head_of, laws_of, rig_for, source_of, vectors
@@ -99,8 +99,11 @@ def _unstable(
 ) -> Iterator[Finding]:
     """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
     kept = gains.margins.points if gains.margins and not other_rate else ()
-    levels = [point.duty_pct for point in kept]
-    points = operating_points(source.plant, gains.model, (), levels, source.limits)
+    if source.fit is not None:
+        points = points_of(source.fit, source.plant, gains.model, (), source.limits)
+    else:
+        levels = [point.duty_pct for point in kept]
+        points = operating_points(source.plant, gains.model, (), levels, source.limits)
     made = source.made_for
     timing = Timing(rate_hz, made.pwm_hz, made.delay_samples / made.rate_hz * rate_hz)
     for law, controller in sorted(source.loops.items()):

@@ -27,13 +27,11 @@ from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.law import Wanted
 from eaid.control.margins import (
     Point,
-    as_stepped,
     finite,
     if_falls_are_releases,
     least_margins,
     margins_of,
-    may_be_steeper,
-    operating_points,
+    points_of,
 )
 from eaid.control.pi import PAPER_PI, PIGains, step_metrics
 from eaid.errors import DataError
@@ -46,7 +44,6 @@ from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
 from eaid.replay.metrics import tracking
 from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of
-from eaid.results.common import ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 from eaid.results.plant import falls_between
@@ -124,11 +121,7 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
     model, plant, bounds = model_of(fit), plant_of(fit), bounds_of(fit)
     scales, timing, limits = scales_of(fit, plant), timing_of(fit, options), options.duty_limits or input_limits(fit)
     name = reference_name or (reference if isinstance(reference, str) else "multisine")
-    points = as_stepped(operating_points(plant, model, bounds.rows, fit.data.levels, limits), fit.steps)
-    if plant is not None and plant.sloped:
-        ends = {row.level: ci95_of(row, "Ts") for row in fit.level_values}
-        scatter = (fit.nonlinear.level_scatter if fit.nonlinear is not None else None) or 0.0
-        points = may_be_steeper(points, plant, ends, scatter)
+    points = points_of(fit, plant, model, bounds.rows, limits)
     return Task(
         fit, model, plant, bounds, scales, points,
         timing, limits, from_its_start(reference_of(reference or "multisine", timing.step_s, scales)), name,

@@ -1,6 +1,7 @@
 """T_s of a level is its own: it leans on the curve only as far as its runs leave it open."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import eaid
 from eaid.apparatus import Apparatus
+from eaid.findings import say
 from eaid.plant.dynamics import REFERENCE_PLANT, Step
 from eaid.plant.steps import step_response
 from eaid.report.figures.steps import nonlinear_curves
@@ -81,6 +83,18 @@ def test_a_level_of_one_lag_keeps_its_own_value_too() -> None:
         assert fit.at(u).loc["Ts", "value"] == rows[u].Ts == pytest.approx(own[u], rel=0.02)
     (told,) = [one for one in fit.findings if one.code == "levels-scatter"]
     assert told.values["worst"] == 50 and told.values["off_pct"] < -10
+
+
+def test_an_output_that_levels_off_is_told_by_name_and_reaches_the_rig(tmp_path: Path) -> None:
+    """A drive that clips at 70 %: what `tune_rc` accepts `export` does not refuse."""
+    clipped = {float(u): float(REFERENCE_PLANT.steady(70.0) / REFERENCE_PLANT.steady(u)) for u in LEVELS if u > 70}
+    fit = fitted(20.0, 3, off=clipped)
+    told = {one.code: one for one in fit.findings}
+    assert told["output-levels-off"].levels == (70.0, 80.0, 90.0, 100.0)
+    assert "other days" not in say(told["levels-scatter"]) and "levels-scatter" in told
+    whole = eaid.fit(fit.samples.steps, model=("friction", "nonlinear", "linear"))
+    made = eaid.export(eaid.tune_rc(whole), tmp_path / "rig", whole)
+    assert "export-unstable" not in codes(made)
 
 
 def test_between_levels_the_band_has_their_scatter_in_it() -> None:

@@ -303,9 +303,18 @@ ROWS: dict[str, Row] = {
         lambda v: (
             f"levels scatter by {v['scatter_pct']:.2g} % about the curve, more than their runs: {v['worst']:g} lies "
             + ("far" if v["off_pct"] is None else f"{v['off_pct']:+.2g} %")
-            + " off; were levels recorded on other days, or mounted anew?"
+            + (
+                " off: T_s(u) does not bend as they do"
+                if v.get("levels_off")
+                else " off; were levels recorded on other days, or mounted anew?"
+            )
         ),
         rank=1,
+    ),
+    "output-levels-off": caution(
+        "the output is the same {at} (within {within_pct:.2g} %), and T_s(u) is not: the clutch saturates there, or "
+        "its drive clips the input at {knee:g}; «levels» {least:g}:{knee:g} fits up to there",
+        rank=0,
     ),
     "curve-misses-levels": caution(
         lambda v: (
@@ -421,8 +430,8 @@ ROWS: dict[str, Row] = {
         "chance {chance:.2g}); they are fitted and taken for the release"
     ),
     "release-own": note(
-        "falls to rest have {taus_s:.3g} s of their own; these may be those of the lowest input, {edges_s:.3g} s (by "
-        "chance in {chance:.2g}), which they do not make surer"
+        "falls to rest have {taus_s:.3g} s of their own; these may be those of the lowest input, {edges_s:.3g} s "
+        "(chance {chance:.2g}), which they do not make surer"
     ),
     "release-alike": note(
         "falls to rest are as fast as the lowest input gives, {edges_s:.3g} s, as far as these logs can tell (chance "
