@@ -1,5 +1,6 @@
 """A log in numbers, as it was recorded: input counted from rest, output as measured, and what is known of its start."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +16,8 @@ from eaid.steps.stepset import StepSet
 
 IDLE_ROWS = 10  # Fewest rows at rest before the first other one that make an idle start
 ROUNDED = 1e-8  # Steps of time that differ by less than this part are alike
+# Usual rows from which a stretch without any is a gap; parts that gaps make of a log at most, and rows of each at least
+GAP_ROWS, MOST_PARTS, PART_ROWS = 5.0, 8, 50
 NOISY_REST = 5e-3  # An input below rest by this part of its largest, or …
 NOISY = 6.0  # … so many deviations of its noise …
 NOISY_REST_MOST = 0.05  # … up to this part, is a noisy rest, …
@@ -138,6 +141,24 @@ def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
         weight = float(len(level.runs))
         logs.append(RecordedLog(name, t, held, y, baseline=0.0, idle_start=True, weight=weight))
     return logs
+
+
+def parts_of(log: RecordedLog) -> list[RecordedLog]:
+    """A log in parts where its input changed within a gap: when is not known, nor what the states behind it are; a
+    loop's, whose law needs it whole, in one."""
+    steps = np.diff(log.time_s)
+    gaps = np.flatnonzero((steps > GAP_ROWS * log.usual_s) & (np.diff(log.input) != 0))
+    gaps = np.sort(gaps[np.argsort(-steps[gaps])][: MOST_PARTS - 1])
+    if log.reference is not None or not len(gaps):
+        return [log]
+    found, ends = [], [0, *(gaps + 1).tolist(), len(log.time_s)]
+    for first, last in itertools.pairwise(ends):
+        rows = slice(first, last)
+        later = {"name": f"{log.name} from {log.time_s[first]:.4g} s", "idle_start": False} if first else {}
+        if last - first >= PART_ROWS:
+            part = {key: getattr(log, key)[rows] for key in ("time_s", "input", "output")}
+            found.append(replace(log, **part, **later, others=tuple))
+    return found or [log]
 
 
 def creep_at(share: Array) -> Array:

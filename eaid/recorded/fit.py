@@ -6,6 +6,7 @@ with them as their mean curves, each sample of each repeat alike.
 """
 
 import statistics
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,7 +19,7 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.recorded_log import RecordedLog, behind_rest, logs_of_steps, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, behind_rest, logs_of_steps, parts_of, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
@@ -107,8 +108,8 @@ def data_of_logs(
     made = [run.synthetic for run in runs if isinstance(run, Run) and run.synthetic]
     sources = [
         Source(log.source, log.sha256, log.name, baseline_nm=log.baseline, samples=len(log.time_s), edge="recorded")
-        for log in logs
-        if log.source
+        for k, log in enumerate(logs)
+        if log.source and log.sha256 not in {one.sha256 for one in logs[:k] if one.sha256}  # parts of one are one
     ]
     return msgspec.structs.replace(
         told,
@@ -402,6 +403,7 @@ def experiment_of(
 ) -> Experiment:  # fmt: skip
     """Logs as they are fitted, beside steps of the same clutch; `DataError` for those that tell nothing."""
     refuse(logs)
+    logs = [part for log in logs for part in parts_of(log)]
     others = logs_of_steps(steps) if steps is not None else []
     inputs = excited_by([*logs, *others], options.duty)
     return Experiment([switched_on(log, inputs) for log in logs], others, inputs, options, runs, steps, repeats)
@@ -417,7 +419,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     """The whole fit with a plant that was chosen."""
     logs, others, options, inputs = experiment.logs, experiment.others, experiment.options, experiment.inputs
     base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
-    findings = input_findings(logs, inputs.levels)
+    findings = [*input_findings(logs, inputs.levels), *parted(logs)]
     inputs = over(inputs, base.setup.model.low, base.setup.model.high)
     if not experiment.rests:  # another kind's T_s goes through rest, and tells the idle output so
         code = "idle-not-seen" if base.setup.model.kind == "parallel" else "rest-not-seen"
@@ -462,6 +464,13 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
         ),
     )
+
+
+def parted(logs: Sequence[RecordedLog]) -> list[Finding]:
+    """Logs that gaps part."""
+    files = Counter(log.sha256 for log in logs if log.sha256)
+    names = {log.sha256: log.name for log in reversed(logs)}
+    return [finding("log-in-parts", names[sha256], parts=count) for sha256, count in files.items() if count > 1]
 
 
 def judged_on_logs(

@@ -243,8 +243,9 @@ def _gap(step: Step) -> Finding | None:
     at = int(every.argmax()) if len(every) else 0
     if not len(every) or every[at] <= 5 * step.usual_s:
         return None
-    at_s = float(step.run.time_s[at])
-    return finding("gap", step.run.name, gap_s=float(every[at]), at_s=at_s, sample_s=step.usual_s)
+    more = int((every > 5 * step.usual_s).sum()) - 1
+    values = {"gap_s": float(every[at]), "at_s": float(step.run.time_s[at]), "sample_s": step.usual_s}
+    return finding("gap", step.run.name, **values, **({"others": more} if more else {}))
 
 
 def _gap_at_step(step: Step) -> Finding | None:

@@ -10,7 +10,7 @@ import eaid
 from eaid.estimate.draw import draw, drawable
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.options import FitOptions
-from eaid.plant.dynamics import Plant
+from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.plant.respond import respond
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.inputs import excited_by
@@ -38,6 +38,25 @@ def test_levels_that_are_all_but_alike_are_one():
     t = np.arange(4000) * 0.01
     u = np.repeat([0.0, 20.0, 20.004, 60.0, 19.998, 60.003, 100.0, 0.0], 500)
     assert excited_by([log(t, u)], None).levels == pytest.approx([20, 60, 100], abs=0.01)
+
+
+def test_an_input_that_changes_within_a_gap_is_not_noted_late(tmp_path):
+    random = np.random.default_rng(4)
+    levels, holds = random.choice([20.0, 40.0, 60.0, 80.0, 100.0], 30), random.uniform(2.0, 10.0, 30)
+    u = np.append(np.zeros(300), np.repeat(levels, (holds / 0.02).astype(int)))
+    t = np.arange(len(u)) * 0.02
+    y = respond(REFERENCE_PLANT, t, u, t)
+    y = y + (0.005 + 0.005 * y) * random.standard_normal(len(t))
+    change = t[np.flatnonzero(np.diff(u))[12]]
+    kept = np.abs(t - change) > 1.5
+    path = tmp_path / "log.csv"
+    pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": y})[kept].to_csv(path, index=False)
+    fit = eaid.fit(path, model=("friction", "nonlinear"))
+    told = {one.code: one for one in fit.findings}
+    assert "input-late" not in told and told["log-in-parts"].values["parts"] == 2
+    assert len(fit.logs) == 2 and len(fit.data.sources) == 1
+    for u in (40.0, 60.0, 80.0):
+        assert fit.at(u).loc["tau1", "value"] == pytest.approx(float(REFERENCE_PLANT.time_constants(u)[0]), rel=0.03)
 
 
 def test_a_range_without_a_level_is_refused_by_its_levels():

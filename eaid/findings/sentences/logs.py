@@ -158,6 +158,10 @@ ROWS: dict[str, Row] = {
         refit="--repair",
     ),
     "gap": caution("gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)", "gap_s"),
+    "log-in-parts": caution(
+        "{subject}: its input changed within a gap, nobody knows when: it counts as {parts} logs, each with its own "
+        "start"
+    ),
     "step-in-gap": stop(
         "the step falls into a gap of {gap_s:.4g} s of the record at {at_s:.6g} s, and {moved_pct:.0f} % of the change "
         "came within it: nobody knows when it began; record it again, or give its instant with «step_at»",
