@@ -24,7 +24,7 @@ from eaid.plant.steps import step_rate
 from eaid.steps.stepset import Level, StepSet
 
 APART_CHANCE = 1e-3  # That noise alone makes starts scatter so
-LEAST_ROWS, LEAST_PART = 0.5, 0.01  # Rows, and part of the middle τ1, that starts scatter by at least
+LEAST_ROWS, LEAST_PART = 0.5, 0.03  # Rows, and part of the middle τ1, that starts scatter by at least: less smears none
 
 
 class Starts(NamedTuple):

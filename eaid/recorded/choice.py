@@ -181,8 +181,8 @@ def taken(searched: Searched, wanted: str = "") -> Chosen:
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
     signed = searched.search.signed
-    explains_by_one = kinds[0].gain == "one" and not (signed or of_loops) and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
-    if explains_by_one and plant_found(best.solved).curve(inputs.high) < 0:
+    falls = bool((plant_found(best.solved).curve(inputs.shown) < 0).all())
+    if falls and not (signed or of_loops) and (kinds[0].fit_pct or 0.0) > LITTLE_PCT:
         raise DataError(*(turned_round(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds, searched=searched)

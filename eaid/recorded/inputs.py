@@ -19,6 +19,7 @@ TAIL = 0.01  # Part of the acting time that a moving input may spend below the i
 LEAST_OUTPUTS, LEAST_OF_ALL = 10, 50  # Rows of one log, and of all: a plant has up to nine unknowns
 FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
 INPUT_JUMP = 0.1  # A jump, as a part of the largest input
+FOLLOWS_SURELY = 0.5  # Correlation of output and input from which its sign is that of the rig
 FAST_PCT = 20.0
 SATURATED_PCT = 20.0
 CLIPPED_PCT = 5.0
@@ -96,6 +97,15 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
                 f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
                 "they were swapped; name both with «columns» input=NAME,output=NAME"
             )
+    follow = [_follows(log) for log in logs] if not faults else []
+    if len(follow) > 1 and min(map(abs, follow)) > FOLLOWS_SURELY and min(follow) < 0 < max(follow):
+        most = 1 if sum(r > 0 for r in follow) * 2 >= len(follow) else -1
+        faults += [
+            f"{log.source or log.name}: its output goes the other way than that of the other logs; write it with the "
+            "other sign, or leave it out"
+            for log, r in zip(logs, follow, strict=True)
+            if r * most < 0
+        ]
     if not faults and (rows := sum(int(np.isfinite(log.output).sum()) for log in logs)) < LEAST_OF_ALL:
         faults.append(
             f"{logs[0].source or logs[0].name}: holds {rows} rows, and a fit of recorded logs needs {LEAST_OF_ALL}; "
@@ -103,6 +113,13 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
         )
     if faults:
         raise DataError(*faults)
+
+
+def _follows(log: RecordedLog) -> float:
+    """Correlation of the output with the input."""
+    known = np.isfinite(log.output)
+    u, y = (one - one.mean() for one in (log.input[known], log.output[known]))
+    return float(u @ y) / max(float(np.linalg.norm(u) * np.linalg.norm(y)), 1e-300)
 
 
 def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:

@@ -34,7 +34,7 @@ def test_a_creep_is_found_and_no_plant_imitates_it(creep, bent, tmp_path):
         assert told["log-creeps"]["low"] < creep < told["log-creeps"]["high"]
         assert fit.logs[0].creep == pytest.approx((creep, 0.0), abs=0.015)
     for level in LEVELS:
-        assert fit.at(level).loc["Ts", "value"] == pytest.approx(TRUE.steady(level), rel=0.005)
+        assert fit.at(level).loc["Ts", "value"] == pytest.approx(TRUE.steady(level), rel=0.008)
         assert fit.at(level).loc["tau2", "value"] == pytest.approx(4.0, rel=0.1)
     again = eaid.simulate(fit, log=path).records["log"]
     assert again.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)

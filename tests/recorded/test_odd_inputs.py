@@ -59,6 +59,17 @@ def test_an_input_that_changes_within_a_gap_is_not_noted_late(tmp_path):
         assert fit.at(u).loc["tau1", "value"] == pytest.approx(float(REFERENCE_PLANT.time_constants(u)[0]), rel=0.03)
 
 
+def test_an_output_of_the_other_sign_is_refused_by_its_name():
+    t = np.arange(6000) * 0.02
+    u = np.repeat(np.random.default_rng(2).choice([0.0, 30.0, 60.0, 100.0], 40), 150)
+    right = log(t, u, REFERENCE_PLANT, name="right")
+    wrong = replace(right, name="wrong", output=-right.output)
+    with pytest.raises(eaid.DataError, match="wrong: its output falls where its input rises"):
+        fit_recorded([wrong])
+    with pytest.raises(eaid.DataError, match="^wrong: its output goes the other way than that of the other logs"):
+        fit_recorded([right, wrong, right])
+
+
 def test_a_range_without_a_level_is_refused_by_its_levels():
     t = np.arange(6000) * 0.01
     columns = {"time_s": t, "duty_pct": np.repeat([0.0, 20.0, 60.0, 80.0, 20.0, 60.0], 1000)}
