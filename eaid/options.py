@@ -352,7 +352,7 @@ class PlanOptions(Chance):
     check: bool = option(True, "Simulate the experiment and measure the widths it gives.", LOGS)
     idle_s: float = option(10.0, "Input 0 before each step [s].", RIG, "--idle")
     release_s: float | None = option(
-        None, "Input 0 after each step, recorded [s]; by itself 10, of slower rigs until they rest.", RIG, "--release"
+        None, "Input 0 after each step, recorded [s]; by itself 10, or until little is left of it.", RIG, "--release"
     )
     longest_hold_s: float | None = option(
         None, "Longest hold [s]; by itself 120, of slower rigs more.", RIG, "--longest-hold", least=5, most=1e6

@@ -154,10 +154,10 @@ def parts_of(log: RecordedLog) -> list[RecordedLog]:
     found, ends = [], [0, *(gaps + 1).tolist(), len(log.time_s)]
     for first, last in itertools.pairwise(ends):
         rows = slice(first, last)
-        later = {"name": f"{log.name} from {log.time_s[first]:.4g} s", "idle_start": False} if first else {}
         if last - first >= PART_ROWS:
-            part = {key: getattr(log, key)[rows] for key in ("time_s", "input", "output")}
-            found.append(replace(log, **part, **later, others=tuple))
+            part = replace(log, time_s=log.time_s[rows], input=log.input[rows], output=log.output[rows], others=tuple)
+            name = f"{log.name} from {log.time_s[first]:.4g} s"
+            found.append(replace(part, name=name, idle_start=False) if first else part)
     return found or [log]
 
 

@@ -35,7 +35,7 @@ from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FitGiven
-from eaid.results.models import CreepFound, FittedData, Friction, LackOfFit, Uncertainty
+from eaid.results.models import CreepFound, FittedData, Friction, LackOfFit, Release, Uncertainty
 from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged
 from eaid.shapes.delay import Begin, dead_time_of, set_behind
@@ -125,6 +125,7 @@ def fit_steps(
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         of_logs = [asked_again(one, options) for one in stepset.all_findings]
+        of_logs, told_of = ([or_rest(one, result.release) for one in part] for part in (of_logs, result.findings))
         of_logs += [] if starts is None else [starts.told]
         return judged(
             msgspec.structs.replace(
@@ -133,7 +134,7 @@ def fit_steps(
                 options=given(options, stepset),
                 seed=options.seed,
                 converged=converged(result),
-                findings=ranked((*of_logs, *result.findings, *begin.findings, *of_shapes, *beyond_measure)),
+                findings=ranked((*of_logs, *told_of, *begin.findings, *of_shapes, *beyond_measure)),
             )
         )
 
@@ -483,6 +484,14 @@ def asked_again(found: Finding, options: FitOptions) -> Finding:
         return found
     both = f"{found.values['options']} {typed(options.given())}".strip()
     return msgspec.structs.replace(found, values={**found.values, "options": both})
+
+
+def or_rest(found: Finding, release: Release | None) -> Finding:
+    """A creep downwards, with the release that may be behind it."""
+    falls = found.values.get("slope", found.values.get("rate"))
+    if found.code not in ("output-creeps", "creep-taken-off") or release is None or not float(falls or 0) < 0:  # type: ignore[arg-type]
+        return found
+    return msgspec.structs.replace(found, values={**found.values, "release_s": release.tau2})
 
 
 def given(options: FitOptions, stepset: StepSet) -> FitGiven:

@@ -34,6 +34,8 @@ from eaid.synth.plants import Specimen, clutch, of_fit
 HOLD_FACTORS = (1.5, 2.0, 3.0, 4.0)
 LEAST_HOLD_S = 5.0
 RELEASE_S, LONGEST_HOLD_S, RESTS_AFTER = 10.0, 120.0, 5  # By themselves; time constants until rest
+# Part of the lowest level's T_s that the slow part of the highest leaves of it, and the longest rest for that [s]
+LEFT_OF_LEAST, LONGEST_REST_S = 0.02, 60.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
 KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
 # Share of the draws that must keep a promised T_s, τ1, τ2 for that: what sessions have beyond the draws (ends by score
@@ -226,9 +228,19 @@ class FittedRig:
             slowest = p.slowest_s(np.array(self.levels))
         return RESTS_AFTER * slowest + (0.0 if p is None else p.dead_time_s)
 
+    @property
+    def lets_go_s(self) -> float:
+        """How long a clutch rests until the slow part of the highest level is little beside the lowest [s]."""
+        if self.plant.model is not None and not is_clutch(self.plant.model):
+            return 0.0
+        low, top = self.plant.at(min(self.levels)), self.plant.at(max(self.levels))
+        tau2 = low.tau2 if self.fit.release is None else self.fit.release.tau2
+        left = (1 - self.share) * top.Ts / max(LEFT_OF_LEAST * low.Ts, 1e-300)
+        return min(tau2 * float(np.log(max(left, 1.0))), LONGEST_REST_S)
+
     def rests(self, session: PlanOptions) -> tuple[float, float]:
         """How long a run idles before its step and is recorded after its release [s]."""
-        by_itself = max(RELEASE_S, ceil(self.settles_s))
+        by_itself = max(RELEASE_S, ceil(self.settles_s), ceil(self.lets_go_s - session.idle_s))
         return session.idle_s, by_itself if session.release_s is None else session.release_s
 
     def longest_s(self, session: PlanOptions) -> float:

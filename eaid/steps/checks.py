@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, median, read_only
-from eaid.findings import Finding, finding
+from eaid.findings import Finding, Value, finding
 from eaid.logs.run import Run
 from eaid.steps.baseline import NOISE_FLOOR, last_rest, without_spikes
 from eaid.steps.noise import (
@@ -244,8 +244,9 @@ def _gap(step: Step) -> Finding | None:
     if not len(every) or every[at] <= 5 * step.usual_s:
         return None
     more = int((every > 5 * step.usual_s).sum()) - 1
-    values = {"gap_s": float(every[at]), "at_s": float(step.run.time_s[at]), "sample_s": step.usual_s}
-    return finding("gap", step.run.name, **values, **({"others": more} if more else {}))
+    values: dict[str, Value] = {"gap_s": float(every[at]), "at_s": float(step.run.time_s[at])}
+    values |= {"sample_s": step.usual_s} | ({"others": more} if more else {})
+    return finding("gap", step.run.name, **values)
 
 
 def _gap_at_step(step: Step) -> Finding | None:

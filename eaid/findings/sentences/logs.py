@@ -29,6 +29,16 @@ def _time_unclear(v: Values) -> str:
     )
 
 
+def _or_rest(v: Values) -> str:
+    """What else makes an idle output fall, where a release was fitted."""
+    tau2_s = v.get("release_s")
+    return (
+        f", or rest for longer, if it is what the step before has left (falls take τ2 = {tau2_s:.3g} s)"
+        if tau2_s
+        else ""
+    )
+
+
 def _other_shape(v: Values) -> str:
     name = {"one": "one exponential", "two": "two exponentials", "free": "another C", "overshoot": "an overshoot"}
     dead = f" behind a dead time of {v['dead_time_s']:.3g} s" if v["dead_time_s"] > 0 else ""
@@ -177,8 +187,10 @@ ROWS: dict[str, Row] = {
     ),
     "idle-drifts": caution(_drift, "share_pct", rank=1),
     "creep-taken-off": caution(
-        "the output creeps by {rate:+.3g} {unit}/s ({low:+.3g} … {high:+.3g}) beside its response, in all runs alike; "
-        "the fit is without that creep: let the sensor warm up",
+        lambda v: (
+            f"the output creeps by {v['rate']:+.3g} {v['unit']}/s ({v['low']:+.3g} … {v['high']:+.3g}) beside its "
+            f"response, in all runs alike; the fit is without that creep: let the sensor warm up{_or_rest(v)}"
+        ),
         rank=1,
     ),
     "log-creeps": caution(
@@ -187,13 +199,15 @@ ROWS: dict[str, Row] = {
         rank=1,
     ),
     "output-creeps": caution(
-        "the output creeps by {slope:+.3g} {unit}/s while it idles, alike before {count} steps: {share_pct:.2g} % of "
-        "the step to {worst:g} by the end of its hold; T_s, τ2 and the C that the runs ask for hold that creep: let "
-        "the sensor warm up, and record again",
+        lambda v: (
+            f"the output creeps by {v['slope']:+.3g} {v['unit']}/s while it idles, alike before {v['count']} steps: "
+            f"{v['share_pct']:.2g} % of the step to {v['worst']:g} by the end of its hold; T_s, τ2 and the C that the "
+            f"runs ask for hold that creep: let the sensor warm up{_or_rest(v)}, and record again"
+        ),
         "share_pct",
         rank=0,
         covers=("runs-reject-the-share",),
-        first="record again with a sensor that does not creep",
+        first="record again without that creep",
     ),
     "not-at-rest": stop(
         "not at rest when the step begins: {off:+.3g} {unit} off the idle output, {share_pct:.0f} % of the step; let "
