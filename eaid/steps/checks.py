@@ -246,7 +246,7 @@ def _gap(step: Step) -> Finding | None:
     more = int((every > 5 * step.usual_s).sum()) - 1
     values: dict[str, Value] = {"gap_s": float(every[at]), "at_s": float(step.run.time_s[at])}
     values |= {"sample_s": step.usual_s} | ({"others": more} if more else {})
-    return finding("gap", step.run.name, **values)
+    return finding("gap", step.run.name, (), **values)
 
 
 def _gap_at_step(step: Step) -> Finding | None:
