@@ -31,6 +31,7 @@ from eaid.levels.jitter import Starts, in_step, starts_apart
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import nonlinear_part
 from eaid.levels.release import release_fit
+from eaid.levels.session_drift import session_drift
 from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
@@ -188,7 +189,8 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
         fitted = _of_the_model if "nonlinear" in models else _of_each_level
         result, near = fitted(stepset, data, models, options, held_out, progress)
         scatter, share = near.scatter, None
-        findings = [*result.findings, *scatter_findings(scatter)]
+        drift = session_drift(scatter, stepset.runs)
+        findings = [*result.findings, *scatter_findings(scatter, told=bool(drift)), *drift]
         findings += no_steps(scatter)
         misfits: tuple[LackOfFit, ...] = ()
         if "friction" in models or "nonlinear" in models:
@@ -291,11 +293,11 @@ def _of_each_level(
     return Fit(friction=part, findings=tuple(findings)), own
 
 
-def scatter_findings(scatter: Scatter) -> list[Finding]:
-    """What the scatter of the runs itself says: single runs, sweeps."""
+def scatter_findings(scatter: Scatter, told: bool = False) -> list[Finding]:
+    """What the scatter of the runs itself says: single runs; sweeps, where no drift of the session was `told`."""
     if scatter.source != "repeats":
         return [finding("single-runs" if scatter.source == "curve" else "single-runs-few-levels", "data")]
-    if not scatter.swept:
+    if not scatter.swept or told:
         return odd_repeats(scatter)
     shifted = tuple(name for name, common in zip(CURVES, scatter.pooled.common, strict=False) if common > 0)
     sweeps, runs = int(scatter.repeats.max()), int(scatter.repeats.sum())

@@ -320,3 +320,25 @@ def test_one_lag_that_hastens_with_the_input_hides_no_slow_part_that_never_comes
     for u in (25.0, 50.0, 75.0, 100.0):
         assert fit.plant.steady(u) == pytest.approx(0.02 * u, rel=0.04)
         assert fit.plant.time_constants(u)[0] == pytest.approx(1.5 * np.exp(-0.6 * (u / 100 - 0.5)), rel=0.06)
+
+
+@pytest.mark.parametrize(("order", "pct"), [("levels", -15.0), ("random", -15.0), ("levels", 0.0)])
+def test_an_output_that_drifts_over_the_session_is_told_where_a_clock_shows_the_order(order: str, pct: float) -> None:
+    random, runs, t = (
+        np.random.default_rng(6),
+        [(u, r) for u in LEVELS.tolist() for r in range(3)],
+        np.arange(0, 12, 0.02),
+    )
+    at = dict(zip(runs, np.arange(30) if order == "levels" else random.permutation(30), strict=True))
+    frames = []
+    for (u, r), place in at.items():
+        gain = 1 + pct / 100 * place / 29 + 0.005 * random.standard_normal()
+        y = gain * step_response(REFERENCE_PLANT.at(u), np.maximum(t - 2.0, 0)) + 0.005 * random.standard_normal(len(t))
+        columns = {"time_s": 1000 + 20.0 * place + t, "duty_pct": np.where(t >= 2.0, u, 0.0), "torque_nm": y}
+        frames.append((f"u{u:g}_{r}", pd.DataFrame(columns)))
+    fit = eaid.fit(eaid.read(dict(frames)), model=("friction", "nonlinear"))
+    told = {one.code: one.values for one in fit.findings}
+    assert ("session-drifts" in told) == bool(pct) and "recorded-as-sweeps" not in told
+    if pct:
+        assert told["session-drifts"]["pct"] == pytest.approx(pct, abs=6.0)
+        assert told["session-drifts"]["ordered"] == (order == "levels")

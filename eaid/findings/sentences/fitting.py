@@ -254,6 +254,19 @@ ROWS: dict[str, Row] = {
         "{off_ms:+.3g} ms), as a trigger that jitters makes them: they are laid on each other; record input and output "
         "by one clock"
     ),
+    "session-drifts": caution(
+        lambda v: (
+            f"the output drifts from run to run: {v['pct']:+.2g} % over the session (chance {v['chance']:.1g}), as a "
+            "clutch that warms up; "
+            + (
+                "levels that were recorded one after another differ by it, and T_s(u) holds it: record them in random "
+                "order, warmed up"
+                if v["ordered"]
+                else "the values are those of its middle: record it warmed up"
+            )
+        ),
+        rank=0,
+    ),
     "recorded-as-sweeps": caution(
         lambda v: (
             f"the repeats look like {v['sweeps']} sweeps: all levels of one share a shift of "
