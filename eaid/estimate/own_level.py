@@ -14,12 +14,15 @@ from eaid.arrays import Array
 from eaid.estimate.mixed import MixedLine, MixedValues, restricted
 from eaid.estimate.scatter import RunStatistics, bartlett_variance, pooled_scatter
 from eaid.estimate.spread import LevelScatter, satterthwaite, t_quantile
-from eaid.findings import Finding, finding
+from eaid.findings import Finding, Value, finding
 from eaid.steps.stepset import Level
 
 SURE = 1e-4  # Part of T_s below which nothing scatters
 # Twice the logarithm of how much likelier levels with a scatter of their own are, from which it is told: one in 200
 SCATTER_SEEN = 6.6
+# Levels of one output: the part of it, and standard errors of the difference, by which they differ at most; how many,
+# over which inputs, and how far the curve is off one of them
+LEAST_ALIKE, ALIKE_TO, SURELY, FEWEST_FLAT, FLAT_OVER, OFF_CURVE = 0.01, 0.04, 3.5, 3, 1.2, 0.05
 
 
 def gains_of_runs(levels: Sequence[Level], curves: Sequence[Array]) -> LevelScatter:
@@ -34,31 +37,46 @@ def gains_of_runs(levels: Sequence[Level], curves: Sequence[Array]) -> LevelScat
     return pooled_scatter(found)
 
 
-def levels_about(Ts: Array, size: Array, D: Array, gains: LevelScatter, of_lags: Array) -> MixedLine:
-    """T_s of L levels by themselves over the curve's `size`, whose rows are D (L, p); `of_lags` is the covariance of
-    ln T_s by what is not known of the time constants, (L, L)."""
-    W = np.diag(gains.expected[:, 0]) + of_lags + SURE**2 * np.eye(len(Ts))
-    W = W * np.outer(Ts / size, Ts / size)
+def levels_about(Ts: Array, size: Array, D: Array, of_logs: Array) -> MixedLine:
+    """T_s of L levels by themselves over the curve's `size`, whose rows are D (L, p); `of_logs` is the covariance of
+    their logarithms, (L, L)."""
+    W = (of_logs + SURE**2 * np.eye(len(Ts))) * np.outer(Ts / size, Ts / size)
     return restricted(MixedValues(Ts / size, D / size[:, None], W, (np.eye(len(Ts)),)))
 
 
-def own_of_levels(line: MixedLine, size: Array, gains: LevelScatter, known: float) -> tuple[Array, Array, Array]:
-    """ln T_s of the levels, half-width of its interval, degrees of freedom, (L,), W being `known` by so many."""
+def own_of_levels(
+    line: MixedLine, size: Array, known: float, gains: LevelScatter | None = None
+) -> tuple[Array, Array, Array]:
+    """ln T_s of the levels, half-width of its interval, degrees of freedom, (L,), W being `known` by so many; `gains`
+    of runs tell what sweeps have in common."""
     each = np.eye(len(size))
     ahead = line.further(line.values.X, each[None], each[None])
     mean, degrees = np.maximum(ahead.mean, SURE), ahead.degrees(each, known)
     variance = np.diagonal(ahead.covariance) / mean**2
-    if (shared := float(gains.common[0])) > 0:  # what sweeps shift alike
+    if gains is not None and (shared := float(gains.common[0])) > 0:  # what sweeps shift alike
         parts, sweeps = (variance, np.full(len(size), shared)), float(gains.degrees.max())
         variance, degrees = variance + shared, satterthwaite(parts, (degrees, sweeps))
     return np.log(mean * size), t_quantile(degrees) * np.sqrt(variance), degrees
 
 
 def levels_scatter(line: MixedLine, u: Array, own: Array, curve: Array, levels_off: bool = False) -> list[Finding]:
-    """Where levels lie off their curve by more than their runs scatter; `own` and `curve` are ln T_s, (L,)."""
+    """Where levels lie off their curve by more than their logs leave open; `own` and `curve` are ln T_s, (L,)."""
     if line.gained < SCATTER_SEEN:
         return []
     off = own - curve
     i = int(np.abs(off).argmax())
     sizes = {"scatter_pct": 100 * float(np.sqrt(line.v[0])), "off_pct": 100 * float(np.expm1(off[i]))}
     return [finding("levels-scatter", "nonlinear", (), worst=float(u[i]), levels_off=levels_off, **sizes)]
+
+
+def levelled_off(u: Array, own: Array, curve: Array, error: float | None) -> list[Finding]:
+    """Where the highest levels have one output, and the curve another: the drive clips, or the clutch saturates; `own`
+    and `curve` are ln T_s, (L,), the one known to a standard `error` where that is known."""
+    order, to = np.argsort(u), ALIKE_TO if error is None else min(ALIKE_TO, max(LEAST_ALIKE, SURELY * error))
+    flat = order[np.flatnonzero(np.abs(own[order] - own[order[-1]]) > to).max(initial=-1) + 1 :]
+    many = FEWEST_FLAT <= len(flat) < len(u) and u[flat[-1]] >= FLAT_OVER * u[flat[0]]
+    if not many or np.abs(own - curve)[flat].max() < OFF_CURVE:
+        return []
+    within_pct, levels = 100 * float(np.expm1(np.ptp(own[flat]))), u[flat].tolist()
+    values: dict[str, Value] = {"least": float(u.min()), "knee": levels[0], "within_pct": within_pct}
+    return [finding("output-levels-off", "nonlinear", levels, **values)]

@@ -201,7 +201,7 @@ class Estimate:
         assert self.model.Ts is not None
         D, Ts = self.model.Ts.rows(self.solved.steps.data.u), self.solved.at.theta[0]
         size = np.maximum(D @ curve.coefficients, 1e-3 * float(Ts.max()))
-        return levels_about(Ts, size, D, self.gain_scatter, self._of_time_constants())
+        return levels_about(Ts, size, D, np.diag(self.gain_scatter.expected[:, 0]) + self._of_time_constants())
 
     @cached_property
     def gain_scatter(self) -> LevelScatter:
@@ -270,7 +270,7 @@ class Estimate:
             low, high, degrees = (part[0] for part in self.intervals(u))
             return self.numbers(u, self.coefficients)[0][0], 0.5 * (high - low), degrees[0]
         size = self.solved.at.theta[0] / line.values.y
-        return own_of_levels(line, size, self.gain_scatter, self.scatter.degrees)
+        return own_of_levels(line, size, self.scatter.degrees, self.gain_scatter)
 
     @property
     def coefficients(self) -> Array:

@@ -15,7 +15,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
-from eaid.estimate.own_level import levels_scatter
+from eaid.estimate.own_level import levelled_off, levels_scatter
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, held_parameters
 from eaid.estimate.spread import Influence, corrected, gains_of, t_quantile
@@ -34,9 +34,6 @@ from eaid.results import models as results
 from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 
-# Levels of one output: the part of it, or standard errors, by which they differ at most; how many, over which inputs,
-# and how far the curve is off one of them
-ALIKE_TO, SURELY, FEWEST_FLAT, FLAT_OVER, OFF_CURVE = 0.04, 2.5, 3, 1.2, 0.05
 HOLDING = {"tau2-meets-tau1", "tau2-endless"}  # Constraints that take τ2's freedom, which is T_s's then
 # Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
 Ends = tuple[Array, Array, Array]
@@ -176,30 +173,14 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
             found.append(finding("model-explains-little", "nonlinear", R2=part.R2, fit_pct=part.fit_pct))
         else:
             found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
-    found += (flat := levelled_off(estimate))
+    u, Ts, spread = estimate.solved.steps.data.u, estimate.solved.at.theta[0], None
+    curve = np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
+    if (estimate.scatter.repeats > 1).any():
+        spread = float(np.sqrt(np.median(estimate.gain_scatter.expected[:, 0])))
+    found += (flat := levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread))
     if part.Ts_through or (line := estimate.levels_about_curve) is None:
         return found
-    u = np.array([level.level for level in estimate.levels])
-    curve = np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
     return [*found, *levels_scatter(line, u, estimate.own_Ts[0], curve, levels_off=bool(flat))]
-
-
-def levelled_off(estimate: Estimate) -> list[Finding]:
-    """Where the highest levels have one output, and the curve another: the drive clips, or the clutch saturates."""
-    u, Ts = estimate.solved.steps.data.u, estimate.solved.at.theta[0]
-    order = np.argsort(u)
-    to = ALIKE_TO
-    if (estimate.scatter.repeats > 1).any():
-        to = min(to, max(0.01, SURELY * float(np.sqrt(2 * np.median(estimate.gain_scatter.expected[:, 0])))))
-    logs = np.log(np.maximum(Ts[order], 1e-300))
-    flat = order[np.flatnonzero(np.abs(logs - logs[-1]) > to).max(initial=-1) + 1 :]
-    off = np.abs(np.log(np.maximum(estimate.parameters.steady(u[flat]), 1e-300) / np.maximum(Ts[flat], 1e-300)))
-    many = FEWEST_FLAT <= len(flat) < len(u) and u[flat[-1]] >= FLAT_OVER * u[flat[0]]
-    if not many or off.max() < OFF_CURVE:
-        return []
-    within_pct = 100 * float(np.ptp(Ts[flat]) / Ts[flat].mean())
-    values: dict[str, Value] = {"least": float(u.min()), "knee": float(u[flat[0]]), "within_pct": within_pct}
-    return [finding("output-levels-off", "nonlinear", u[flat].tolist(), **values)]
 
 
 def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:

@@ -40,13 +40,14 @@ from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, input_findings, over, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, spread, with_runs
-from eaid.recorded.plant_part import intervals, levels_of_plant, levels_own, plant_part
+from eaid.recorded.plant_part import LevelsOwn, intervals, levels_of_plant, levels_own, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
     FittedData,
     Friction,
     FrictionLevel,
+    LevelIntervals,
     Linear,
     Noise,
     Nonlinear,
@@ -123,12 +124,16 @@ def data_of_logs(
     )
 
 
-def nonlinear_of_logs(solved: Solved, uncertainty: Spread | None, known: CurveSpread | None, shown: Array) -> Nonlinear:
+def nonlinear_of_logs(
+    solved: Solved, uncertainty: Spread | None, known: CurveSpread | None, shown: Array, own: LevelsOwn | None
+) -> Nonlinear:
     """The ten coefficients, with errors by level and intervals."""
     total, model = errors(solved.outputs, solved.missed), solved.setup.model
     part = with_errors(plant_found(solved), model.free_share, total, _level_errors(solved, shown), solved.solver)
     if uncertainty is None or known is None:
         return part
+    if own is not None:
+        part = msgspec.structs.replace(part, level_scatter=own.scatter)
     turn = turned(model)
     covariance = turn @ uncertainty.covariance[: turn.shape[1], : turn.shape[1]] @ turn.T
     return with_intervals(part, known.rows, covariance, {**degrees_of(solved, uncertainty)})
@@ -197,11 +202,17 @@ def linear_of_logs(
     )
 
 
-def friction_of_logs(solved: Solved, levels: Array, known: CurveSpread | None) -> Friction:
-    """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, or each level's by itself."""
+def friction_of_logs(
+    solved: Solved, levels: Array, known: CurveSpread | None, own: LevelsOwn | None = None
+) -> Friction:
+    """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, T_s each level's own where the logs
+    tell it, or each level's by itself."""
     share, tables = plant_found(solved).C, solved.curves(levels)
     ends = {row.level: row.ci95 for row in (() if known is None else known.rows)}
-    values = zip(tables.steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
+    steady = tables.steady if own is None else np.exp(own.Ts)
+    for u, both in () if own is None else zip(own.u.tolist(), own.ends, strict=True):
+        ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), Ts=both)
+    values = zip(steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
     rows = [
         FrictionLevel(
             one.level, Ts, tau1, tau2, share, rmse=one.rmse, sse=one.sse, fit_pct=one.fit_pct, R2=one.R2,
@@ -298,7 +309,7 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
         kept = [one for one in kept if one.code != "single-runs-few-levels"]
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
-    told = [one for one in other.findings if one.code in ("kind-by-evidence", "dead-time", "levels-scatter")]
+    told = [one for one in other.findings if one.code in OF_PLANT]
     told += merged(
         [msgspec.structs.replace(one, subject="steps") for one in other.findings if one.code == "input-late"]
     )
@@ -315,6 +326,7 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
 
 
 REST_ROWS = 20  # Before a step
+OF_PLANT = ("kind-by-evidence", "dead-time", "levels-scatter", "output-levels-off")  # Which go with a plant
 OF_SHAPES = {
     "dead-time",
     "input-late",
@@ -431,7 +443,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     uncertainty = None if options.ci == "none" else spread(base)
     if uncertainty is not None:
         uncertainty = with_runs(uncertainty, base, experiment.repeats)
-    own = levels_own(base, uncertainty, experiment.repeats)
+    own = levels_own(base, uncertainty, inputs, experiment.repeats)
     findings += [] if own is None else own.told
     known = None
     if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):
@@ -444,7 +456,8 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     data = data_of_logs([*logs, *others], experiment.runs, experiment.steps, levels)
     findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)
     linear = linear_beside(base, chosen, inputs, options, experiment.repeats) if "linear" in wanted else None
-    friction = friction_beside(base, inputs, options, known, "nonlinear" in wanted) if "friction" in wanted else None
+    by_model = "nonlinear" in wanted
+    friction = friction_beside(base, inputs, options, known, own, by_model) if "friction" in wanted else None
     shown = "nonlinear" in wanted and base.setup.model.kind in ("parallel", "lag") and not base.setup.model.signed
     release = plant_found(base).release
     return Fit(
@@ -453,7 +466,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         data=data,
         plant_=plant_part(base, data, uncertainty, chosen.kinds, inputs, own) if "nonlinear" in wanted else None,
         converged=base.solver.converged,
-        nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown) if shown else None,
+        nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown, own) if shown else None,
         linear=linear,
         friction=friction,
         release=None if release is None else Release(*release, plant_found(base).C),
@@ -510,14 +523,15 @@ def linear_beside(
 
 
 def friction_beside(
-    base: Solved, inputs: Excited, options: FitOptions, known: CurveSpread | None, of_model: bool
+    base: Solved, inputs: Excited, options: FitOptions, known: CurveSpread | None, own: LevelsOwn | None, of_model: bool
 ) -> Friction | None:
-    """The curves of the levels, those `of_model` or each level's own; None where inputs move, or C is free."""
+    """The curves of the levels, those `of_model` with T_s their own, or all by themselves; None where inputs move, or C
+    is free."""
     share, few = options.held_share, inputs.stepwise and len(inputs.levels) <= FEW_LEVELS
     if not few or share is None or base.setup.model.kind != "parallel":
         return None
     if of_model:
-        return friction_of_logs(base, inputs.levels, known)
+        return friction_of_logs(base, inputs.levels, known, own)
     extras = tuple(name for name in base.fitted.extras if name != "dead")
     setup = replace(base.fitted, extras=(), creeping=0, dead_time_s=base.fitted.dead_time(base.x))
     solved = fit_setup(replace(setup, model=forms.friction(inputs.levels, share)))

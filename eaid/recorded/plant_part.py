@@ -7,17 +7,20 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.estimate.own_level import SURE, gains_of_runs, levels_about, levels_scatter, own_of_levels
+from eaid.estimate.own_level import SURE, gains_of_runs, levelled_off, levels_about, levels_scatter, own_of_levels
+from eaid.estimate.spread import LevelScatter
 from eaid.findings import Finding
-from eaid.recorded.from_logs import Solved, plant_found
-from eaid.recorded.inputs import Excited
-from eaid.recorded.log_intervals import Spread
+from eaid.plant.forms import PerLevel
+from eaid.recorded.from_logs import Solved, ended_near, plant_found
+from eaid.recorded.inputs import FEW_LEVELS, Excited
+from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
 from eaid.results.models import FittedData, Friction, FrictionLevel, LevelIntervals
 from eaid.results.plant import LAGS, FittedPlant, PlantIntervals, number
 from eaid.results.recorded import KindTried
 from eaid.steps.stepset import Level
 
+LEVELS_TO_SPARE = 2  # Levels beyond the coefficients of T_s(u) from which one is told from the curve
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 
 
@@ -28,32 +31,72 @@ class LevelsOwn:
     u: Array
     Ts: Array
     half: Array
+    scatter: float  # σ_d: how far levels lie off the curve, a part of T_s
     told: list[Finding]
 
+    @property
+    def ends(self) -> list[tuple[float, float]]:
+        """The intervals."""
+        low, high = np.exp([self.Ts - self.half, self.Ts + self.half]).tolist()
+        return list(zip(low, high, strict=True))
 
-def levels_own(solved: Solved, known: Spread | None, levels: Sequence[Level]) -> LevelsOwn | None:
-    """T_s of levels whose mean curves a fit of another kind is of; None where their runs part no level from the curve:
-    single ones, or as few levels as the curve has coefficients."""
+
+def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Sequence[Level]) -> LevelsOwn | None:
+    """T_s of levels that were held, by their runs where a fit is of their mean curves; None where logs part no level
+    from the curve: single runs, inputs that move, or hardly more levels than the curve has coefficients."""
     setup, first = solved.setup, solved.setup.model.slices[0]
-    if known is None or known.runs is None or setup.model.kind == "parallel" or len(levels) <= first.stop:
+    u = np.array([level.level for level in levels]) if levels else inputs.levels
+    held = inputs.stepwise and first.stop + LEVELS_TO_SPARE <= len(u) <= FEW_LEVELS
+    if known is None or not held or setup.model.signed or solved.instruments is not None:
         return None
-    u, x = np.array([level.level for level in levels]), solved.x
-    curves = [y + missed for y, missed in zip(solved.outputs, solved.missed, strict=True)]
-    own = [1 - float(f @ r) / (float(f @ f) or 1.0) for f, r in zip(curves, solved.missed, strict=True)]
     D = setup.slopes(u)[0][:, first]
-    size = D @ x[first]
-    if not (size > 0).all() or min(own) <= 0:
+    size = D @ solved.x[first]
+    if not (size > 0).all():
         return None
-    by_lags = np.zeros((len(u), setup.size))  # how ln T_s of a level by itself goes with the other unknowns
-    for k, f in enumerate(curves):
-        J = setup.jacobian(x, k)[0][:, first.stop :] / np.sqrt(float(setup.drives[k].w.max()))
-        by_lags[k, first.stop :] = -(f @ J) / (f @ f)
-    gains = gains_of_runs(levels, [f * gain for f, gain in zip(curves, own, strict=True)])
-    line = levels_about(np.array(own) * size, size, D, gains, by_lags @ known.covariance @ by_lags.T)
+    by_themselves = _by_runs(solved, known, levels, size) if levels else _by_logs(solved, u, size)
+    if by_themselves is None or (by_themselves[0] <= 0).any():
+        return None
+    Ts, covariance, degrees, gains = by_themselves
+    line = levels_about(Ts, size, D, covariance)
     if line.v[0] <= SURE**2:
         return None
-    Ts, half, _ = own_of_levels(line, size, gains, float(gains.degrees.sum()))
-    return LevelsOwn(u, Ts, half, levels_scatter(line, u, Ts, np.log(size)))
+    own, half, _ = own_of_levels(line, size, degrees, gains)
+    curve, error = np.log(size), float(np.sqrt(np.median(np.diag(covariance))))
+    flat = levelled_off(u, np.log(Ts), curve, error)
+    told = [*flat, *levels_scatter(line, u, own, curve, levels_off=bool(flat))]
+    return LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told)
+
+
+# T_s of levels by themselves, the covariance of its logarithms, its degrees of freedom, how the gains of runs scatter
+ByThemselves = tuple[Array, Array, float, LevelScatter | None]
+
+
+def _by_runs(solved: Solved, known: Spread, levels: Sequence[Level], size: Array) -> ByThemselves | None:
+    """Of steps from rest: the gain of each mean curve, as those of its runs scatter."""
+    if known.runs is None:
+        return None
+    setup, first = solved.setup, solved.setup.model.slices[0].stop
+    curves = [y + missed for y, missed in zip(solved.outputs, solved.missed, strict=True)]
+    own = [1 - float(f @ r) / (float(f @ f) or 1.0) for f, r in zip(curves, solved.missed, strict=True)]
+    by_lags = np.zeros((len(levels), setup.size))  # how ln T_s of a level by itself goes with the other unknowns
+    for k, f in enumerate(curves):
+        J = setup.jacobian(solved.x, k)[0][:, first:] / np.sqrt(float(setup.drives[k].w.max()))
+        by_lags[k, first:] = -(f @ J) / (f @ f)
+    gains = gains_of_runs(levels, [f * gain for f, gain in zip(curves, own, strict=True)])
+    covariance = np.diag(gains.expected[:, 0]) + by_lags @ known.covariance @ by_lags.T
+    return np.array(own) * size, covariance, float(gains.degrees.sum()), gains
+
+
+def _by_logs(solved: Solved, u: Array, size: Array) -> ByThemselves | None:
+    """Of any log whose input is held: T_s of each level as an unknown, in place of the curve's coefficients."""
+    fitted, first = solved.fitted, solved.fitted.model.slices[0].stop
+    each = replace(fitted, model=replace(fitted.model, Ts=PerLevel(tuple(u.tolist()))))
+    found = ended_near(each, np.append(size, solved.x[first:]))
+    if not found.solver.converged:
+        return None
+    of, Ts = spread(found), found.x[: len(u)]
+    degrees = min(of.variance(row)[1] for row in np.eye(len(u), len(found.x)))
+    return Ts, of.covariance[: len(u), : len(u)] / np.outer(Ts, Ts), degrees, None
 
 
 def plant_part(
@@ -81,10 +124,10 @@ def plant_part(
     for (name, u), one in zip(rows, ends, strict=True):
         levels.setdefault(name, []).extend([(u, *one)] if one is not None else [])
     by_level = {name: tuple(at) for name, at in levels.items()}
-    if own is not None:
-        u, ends = own.u.tolist(), np.exp(own.Ts + np.multiply.outer([0.0, -1.0, 1.0], own.half)).tolist()
-        by_level["Ts"] = tuple(zip(u, *ends[1:], strict=True))
-        known = msgspec.structs.replace(known, Ts_levels=tuple(zip(u, ends[0], strict=True)))
+    if own is not None and model.kind != "parallel":
+        u, Ts = own.u.tolist(), np.exp(own.Ts).tolist()
+        by_level["Ts"] = tuple((level, *both) for level, both in zip(u, own.ends, strict=True))
+        known = msgspec.structs.replace(known, Ts_levels=tuple(zip(u, Ts, strict=True)))
     return msgspec.structs.replace(known, ci95=PlantIntervals(levels=by_level, **found), tried=tried)
 
 

@@ -314,7 +314,8 @@ ROWS: dict[str, Row] = {
     ),
     "levels-scatter": caution(
         lambda v: (
-            f"levels scatter by {v['scatter_pct']:.2g} % about the curve, more than their runs: {v['worst']:g} lies "
+            f"levels scatter by {v['scatter_pct']:.2g} % about the curve, more than their logs leave open: "
+            f"{v['worst']:g} lies "
             + ("far" if v["off_pct"] is None else f"{v['off_pct']:+.2g} %")
             + (
                 " off: T_s(u) does not bend as they do"
