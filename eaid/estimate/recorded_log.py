@@ -148,17 +148,19 @@ def parts_of(log: RecordedLog) -> list[RecordedLog]:
     loop's, whose law needs it whole, in one."""
     steps = np.diff(log.time_s)
     gaps = np.flatnonzero((steps > GAP_ROWS * log.usual_s) & (np.diff(log.input) != 0))
-    gaps = np.sort(gaps[np.argsort(-steps[gaps])][: MOST_PARTS - 1])
-    if log.reference is not None or not len(gaps):
+    ends = [0, len(log.time_s)]
+    for at in (gaps[np.argsort(-steps[gaps])] + 1).tolist():  # the longest first
+        if len(ends) <= MOST_PARTS and min(abs(at - end) for end in ends) >= PART_ROWS:
+            ends.append(at)
+    if log.reference is not None or len(ends) == 2:
         return [log]
-    found, ends = [], [0, *(gaps + 1).tolist(), len(log.time_s)]
-    for first, last in itertools.pairwise(ends):
+    found = []
+    for first, last in itertools.pairwise(sorted(ends)):
         rows = slice(first, last)
-        if last - first >= PART_ROWS:
-            part = replace(log, time_s=log.time_s[rows], input=log.input[rows], output=log.output[rows], others=tuple)
-            name = f"{log.name} from {log.time_s[first]:.4g} s"
-            found.append(replace(part, name=name, idle_start=False) if first else part)
-    return found or [log]
+        part = replace(log, time_s=log.time_s[rows], input=log.input[rows], output=log.output[rows], others=tuple)
+        name = f"{log.name} from {log.time_s[first]:.4g} s"
+        found.append(replace(part, name=name, idle_start=False) if first else part)
+    return found
 
 
 def creep_at(share: Array) -> Array:
