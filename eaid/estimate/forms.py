@@ -150,7 +150,10 @@ class Model:
         below: tuple[float, ...] = ()
         for form, part, degree in zip(self.forms, self.slices, PAPER_DEGREES, strict=True):
             c = x[part]
-            if isinstance(form, Sides):
+            if isinstance(form, PerLevel):  # T_s of levels by themselves: the polynomial beside their values
+                plain = LegendreForm(min(degree, form.size - 1), self.low, self.high)
+                powers = plain.powers(np.linalg.pinv(plain.rows(form.inputs)) @ c)
+            elif isinstance(form, Sides):
                 below = tuple(form.down.powers(c[form.up.size :]).tolist())
                 powers = form.up.powers(c[: form.up.size])
             else:
@@ -159,7 +162,8 @@ class Model:
             parts.append(tuple(np.pad(powers, (0, degree + 1 - len(powers))).tolist()))
         (Ts, tau1, tau2), share = parts, float(x[-1]) if self.share is None else self.share
         if self.kind == "parallel":
-            return Plant(tau1, tau2, Ts, (self.low, self.high), share)
+            own = zip(self.Ts.levels, x[self.slices[0]].tolist(), strict=True) if isinstance(self.Ts, PerLevel) else ()
+            return Plant(tau1, tau2, Ts, (self.low, self.high), share, Ts_through=tuple(own))
         if self.kind == "pair":
             one, two = (tau[: self.tau1.size] for tau in (tau1, tau2))
             return Plant(one, two, Ts, (self.low, self.high), share, floor_s=self.least_s)

@@ -40,7 +40,7 @@ from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, input_findings, over, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, spread, with_runs
-from eaid.recorded.plant_part import LevelsOwn, intervals, levels_of_plant, levels_own, plant_part
+from eaid.recorded.plant_part import LevelsOwn, intervals, levels_of_plant, levels_own, plant_part, through_levels
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -347,8 +347,6 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
         raise UsageError(f"«loss» {options.loss}: logs fitted as recorded take squares; or say «logs_as» steps")
     if options.hold_out:
         raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
-    if options.through:
-        raise UsageError("«curve» levels: logs fitted as recorded have no runs of a level; or say «logs_as» steps")
     if options.ci not in ("robust", "none"):
         raise UsageError(f"«ci» {options.ci}: logs fitted as recorded take robust or none; or say «logs_as» steps")
     rest = float(stepset.reading.get("rest", 0.0))
@@ -440,6 +438,8 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         base, before_s = with_instrument(base, chosen.logs), base.fitted.dead_time(base.x)
         if (theta_s := base.fitted.dead_time(base.x)) > before_s:
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
+    if options.through:
+        base = with_curve_through(base, inputs)
     uncertainty = None if options.ci == "none" else spread(base)
     if uncertainty is not None:
         uncertainty = with_runs(uncertainty, base, experiment.repeats)
@@ -477,6 +477,13 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
         ),
     )
+
+
+def with_curve_through(base: Solved, inputs: Excited) -> Solved:
+    """A fit with T_s(u) through the values of the levels that its logs hold."""
+    if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS or base.setup.model.kind != "parallel":
+        raise UsageError("«curve» levels: these logs hold no levels, or ask for another kind of plant; leave it out")
+    return through_levels(base, inputs.levels, base.curves(inputs.levels).steady)
 
 
 def parted(logs: Sequence[RecordedLog]) -> list[Finding]:

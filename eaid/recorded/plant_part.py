@@ -87,11 +87,16 @@ def _by_runs(solved: Solved, known: Spread, levels: Sequence[Level], size: Array
     return np.array(own) * size, covariance, float(gains.degrees.sum()), gains
 
 
-def _by_logs(solved: Solved, u: Array, size: Array) -> ByThemselves | None:
-    """Of any log whose input is held: T_s of each level as an unknown, in place of the curve's coefficients."""
+def through_levels(solved: Solved, u: Array, near: Array) -> Solved:
+    """A fit with T_s of each level as an unknown, begun `near` some values, (L,)."""
     fitted, first = solved.fitted, solved.fitted.model.slices[0].stop
     each = replace(fitted, model=replace(fitted.model, Ts=PerLevel(tuple(u.tolist()))))
-    found = ended_near(each, np.append(size, solved.x[first:]))
+    return ended_near(each, np.append(near, solved.x[first:]))
+
+
+def _by_logs(solved: Solved, u: Array, size: Array) -> ByThemselves | None:
+    """Of any log whose input is held: T_s of each level as an unknown, in place of the curve's coefficients."""
+    found = through_levels(solved, u, size)
     if not found.solver.converged:
         return None
     of, Ts = spread(found), found.x[: len(u)]

@@ -59,15 +59,15 @@ def test_an_input_that_changes_within_a_gap_is_not_noted_late(tmp_path):
         assert fit.at(u).loc["tau1", "value"] == pytest.approx(float(REFERENCE_PLANT.time_constants(u)[0]), rel=0.03)
 
 
-def test_levels_of_a_staircase_have_values_of_their_own():
+def test_levels_of_a_staircase_have_values_of_their_own(tmp_path):
     """A drive that clips at 70 %: a cubic through it was 6 % off at every level, with intervals of 3 %."""
     random, levels = np.random.default_rng(3), (20.0, 40.0, 60.0, 70.0, 80.0, 90.0, 100.0)
     u = np.append(np.zeros(250), np.repeat(random.choice(levels, 36), random.integers(100, 500, 36)))
     t = np.arange(len(u)) * 0.02
     y = respond(REFERENCE_PLANT, t, np.minimum(u, 70.0), t)
     y = y + (0.005 + 0.005 * y) * random.standard_normal(len(t))
-    columns = pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": y})
-    fit = eaid.fit(eaid.read(columns, logs_as="recorded"))
+    pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": y}).to_csv(path := tmp_path / "log.csv", index=False)
+    fit = eaid.fit(eaid.read(path, logs_as="recorded"))
     for row in fit.friction_levels:
         true = float(REFERENCE_PLANT.steady(min(row.level, 70.0)))
         assert row.Ts == pytest.approx(true, rel=0.01)
@@ -75,6 +75,13 @@ def test_levels_of_a_staircase_have_values_of_their_own():
     told = {one.code: one for one in fit.findings}
     assert told["output-levels-off"].levels == (70.0, 80.0, 90.0, 100.0)
     assert max(abs(fit.plant.steady(row.level) / row.Ts - 1) for row in fit.friction_levels) > 0.03
+    through = eaid.fit(eaid.read(path, logs_as="recorded"), curve="levels")
+    assert through.logs[0].fit_pct > fit.logs[0].fit_pct + 4
+    again = eaid.simulate(through, log=path).records["log"].metrics.fit_pct
+    assert again == pytest.approx(through.logs[0].fit_pct, abs=0.01)
+    for row in through.friction_levels:
+        assert float(through.plant.steady(row.level)) == pytest.approx(row.Ts, rel=1e-9)
+        assert row.tau2 == pytest.approx(float(REFERENCE_PLANT.time_constants(min(row.level, 70.0))[1]), rel=0.15)
 
 
 def test_an_output_of_the_other_sign_is_refused_by_its_name():

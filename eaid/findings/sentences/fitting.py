@@ -318,7 +318,7 @@ ROWS: dict[str, Row] = {
             f"{v['worst']:g} lies "
             + ("far" if v["off_pct"] is None else f"{v['off_pct']:+.2g} %")
             + (
-                " off: T_s(u) does not bend as they do"
+                " off; «curve» levels takes T_s through them"
                 if v.get("levels_off")
                 else " off; were levels recorded on other days, or mounted anew?"
             )
