@@ -137,7 +137,8 @@ def fit(
     how = chosen(FitOptions, options, keywords)
     steps = source if isinstance(source, StepSet) else read(source, progress=progress)
     _ask(steps)
-    from eaid.levels.workflow import asks_for_another_kind, fit_steps
+    from eaid.levels.asks import asks_for_another_kind
+    from eaid.levels.workflow import fit_steps
     from eaid.replay.compare import of_own_logs
     from eaid.results.common import Samples
     from eaid.results.parameters import parameters_of
@@ -156,7 +157,7 @@ def fit(
     with progress("bootstrap refits" if refits else "fitting", refits) as advance:
         fitted = as_clutch = fit_steps(steps, how, advance)
         if asks_for_another_kind(as_clutch):
-            from eaid.recorded.fit import with_another_kind
+            from eaid.recorded.another_kind import with_another_kind
 
             fitted = with_another_kind(as_clutch, steps, how)
     of_data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))

@@ -44,7 +44,6 @@ from eaid.shapes.each_step import between_rows, of_another_shape, single_steps
 from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level, StepSet
 
-MEETS = ("tau2-meets-tau1", "tau1-floor")  # Constraints that hold two lags which are one
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
 # What no step response explains; the output of a level stays at rest where it is this part of the largest at most
@@ -367,38 +366,6 @@ def with_plant(result: Fit, stepset: StepSet, begin: Begin) -> Fit:
     return msgspec.structs.replace(result, plant_=FittedPlant.of(timed, units, ci95))
 
 
-def asks_for_one_lag(result: Fit) -> bool:
-    """Whether the two lags of the model have met, or a constraint holds them, or the runs ask for C = 1."""
-    share = None if result.uncertainty is None else result.uncertainty.share
-    of_one = share is not None and share.matters and share.ci95 is not None and share.ci95[1] >= 1
-    # a slow lag that is endless at some levels has not met the fast one: the records have not shown it
-    meet = any(one.code == "taus-meet" or one.values.get("constraint") in MEETS for one in result.findings)
-    meet = meet or never_slow(result)
-    of_stand = any(one.code == "rise-of-the-rig" for one in result.findings)  # whose loading has no lags
-    return (of_one or meet) and (not of_stand or result.dead_time_s > 0)
-
-
-def never_slow(result: Fit) -> bool:
-    """Whether the slow lag has no end at any level: the records show one lag, and T_s over C is seen nowhere."""
-    part = result.nonlinear
-    endless = any(one.values.get("constraint") == "tau2-endless" for one in result.findings)
-    return endless and part is not None and all(row.ci95 is None or row.ci95.tau2 is None for row in part.curves)
-
-
-def asks_for_another_kind(result: Fit) -> bool:
-    """Whether the clutch's model fails, its two lags meet, every level overshoots or most steps do, or the model
-    explains little of any level."""
-    decaying = {u for one in result.findings if one.code == "output-decays-under-hold" for u in one.levels}
-    part = result.nonlinear
-    fits = [] if part is None else [row.fit_pct for row in part.per_level if row.fit_pct is not None]
-    little = bool(fits) and max(fits) < LITTLE_PCT
-    steps = [one for one in result.steps if one.edge == "up" and one.from_ == 0]
-    peaks = [one.tau1 for one in steps if one.C > 1 and one.tau2 is not None]
-    alike = len(peaks) > MOST_PEAKS * len(steps) and np.quantile(peaks, 0.9) < ALIKE * np.quantile(peaks, 0.1)
-    overshoots = decaying >= set(result.data.levels) or bool(alike)
-    return not result.verdict.of("nonlinear").usable or little or overshoots or asks_for_one_lag(result)
-
-
 def converged(result: Fit) -> bool:
     """Whether every model that was fitted passed our verdict."""
     parts = (result.friction, result.nonlinear, result.linear, result.release)
@@ -475,8 +442,6 @@ def data_of_steps(stepset: StepSet) -> FittedData:
     )
 
 
-MOST_PEAKS, ALIKE = 0.67, 2.0  # Of the single steps from rest; factor between the τ1 of those that one plant may have
-LITTLE_PCT = 50.0  # Of every level by its own curve, below which another kind of plant is asked for
 OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold"}  # Findings that ask what shape single steps have
 
 

@@ -9,28 +9,26 @@ import statistics
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes, white_squares
-from eaid.errors import DataError, UsageError
+from eaid.arrays import Array, extremes
+from eaid.errors import UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.recorded_log import RecordedLog, behind_rest, logs_of_steps, parts_of, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, parts_of, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
 from eaid.levels.linear import bounds_of, parameters, single_levels
 from eaid.levels.nonlinear import with_errors
-from eaid.levels.release import release_of
 from eaid.levels.unseen import worse_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import Chosen, about_idle, beside_white, plant_of_logs, switched_on
+from eaid.recorded.choice import Chosen, about_idle, plant_of_logs, switched_on
 from eaid.recorded.closed_loop import judged_loops, with_instrument
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
@@ -40,7 +38,7 @@ from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, input_findings, over, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, spread, with_runs
-from eaid.recorded.plant_part import LevelsOwn, intervals, levels_of_plant, levels_own, plant_part, through_levels
+from eaid.recorded.plant_part import LevelsOwn, intervals, levels_own, plant_part, through_levels
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -58,10 +56,9 @@ from eaid.results.models import (
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged
-from eaid.shapes.delay import set_behind
 from eaid.shapes.each_step import single_steps
 from eaid.steps.levels import wanted_levels
-from eaid.steps.stepset import Level, StepSet, as_late
+from eaid.steps.stepset import Level, StepSet
 
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
@@ -221,124 +218,6 @@ def friction_of_logs(
         for one, (Ts, tau1, tau2) in zip(_level_errors(solved, levels), values, strict=True)
     ]  # fmt: skip
     return Friction(C=share, levels=tuple(rows), solver=solved.solver)
-
-
-def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: float = 0.0) -> Fit:
-    """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
-    whose two lags meet, or behind a peak, where one explains as much, or another kind far more."""
-    if not stepset.levels or options.model is not None or options.through:
-        return fit
-    late_s = late_s or fit.noted_late_s
-    stepset = stepset.noted_late(late_s)
-    # behind the rest lies a dead time, or in it what an input that was noted late did
-    logs = [replace(behind_rest(log, REST_ROWS), source="") for log in logs_of_steps(stepset)]
-    how = replace(options, ci="none" if options.ci == "none" else "robust")
-    one = "lag+dead" if fit.dead_time_s > 0 else "lag"
-    try:
-        experiment = experiment_of(logs, how, logs, repeats=stepset.levels)
-        chosen = chosen_of(experiment, falls=False)
-        for kind in ("", one):  # the one of evidence; then the one that the two lags became
-            if kind:
-                of_lag = max((row.fit_pct or 0.0 for row in chosen.kinds if row.kind == one), default=0.0)
-                if not workflow.asks_for_one_lag(fit) or of_lag < explained_pct(fit, logs, False) - FAR_OFF_PCT:
-                    break
-                chosen = chosen.of_kind(kind)
-            if chosen.of_clutch:
-                continue
-            other = fit_of(experiment, chosen)
-            if takes_its_place(other, fit, logs):
-                if other.noted_late_s and not late_s:  # its holds end before the fall that came as early
-                    return with_another_kind(fit, stepset, options, other.noted_late_s)
-                return in_its_place(other, fit, stepset)
-    except DataError:  # what short windows of steps show is no reason to refuse them
-        return fit
-    return fit
-
-
-def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
-    """Whether the plant of another kind explains the steps of a fit so much better, or as well by less; or explains
-    them where the fit must not be used."""
-    part = other.plant_
-    # that a fit without some levels is worse, it shares with the clutch's
-    if part is None or not part.another or any(one.code != "hold-out-fails" for one in other.verdict.reasons):
-        return False
-    if part.zeta is not None and part.zeta <= 2 * forms.LEAST_ZETA:  # what swings on and on is an output of its own
-        return False
-    whole, shapes = ([explained_pct(one, logs, own_gains) for one in (other, fit)] for own_gains in (False, True))
-    as_well = part.plant.kind == "lag" and whole[0] >= whole[1] - AS_WELL_PCT
-    as_well = as_well and 100 - shapes[0] <= AS_WELL_SHAPED * (100 - shapes[1])
-    swings = part.plant.kind in ("ringing", "series", "overshoot")
-    left, of_clutch = beside_white(((100 - shapes[0]) ** 2, (100 - shapes[1]) ** 2), noise_pct(logs) ** 2)
-    far_better = swings and left <= FAR_BETTER**2 * of_clutch
-    explains = whole[0] >= LEAST_PCT or min(explained_pct(other, [log], True) for log in logs) >= LEAST_PCT
-    return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
-
-
-def explained_pct(fit: Fit, logs: Sequence[RecordedLog], own_gains: bool) -> float:
-    """What the plant of a fit explains of steps from rest, each about its own mean [%]; with `own_gains` of their
-    shapes alone."""
-    left = total = 0.0
-    if (part := fit.plant_) is None:
-        return 0.0
-    late_s = fit.noted_late_s
-    for log in logs:
-        known = np.isfinite(log.output)
-        y, f = log.output[known], from_rest(part.plant, log.time_s[known] + late_s, float(log.input[-1]))
-        r = y - f * (float(f @ y) / max(float(f @ f), 1e-300) if own_gains else 1.0)
-        left, total = left + log.weight * float(r @ r), total + log.weight * float(((y - y.mean()) ** 2).sum())
-    return 100 * (1 - float(np.sqrt(left / total))) if total > 0 else 0.0
-
-
-def noise_pct(logs: Sequence[RecordedLog]) -> float:
-    """White noise of steps by the differences of neighbours, as a part of what `explained_pct` is of [%]."""
-    noise = total = 0.0
-    for log in logs:
-        y = log.output[np.isfinite(log.output)]
-        noise += log.weight * white_squares(y)
-        total += log.weight * float(((y - y.mean()) ** 2).sum())
-    return 100 * float(np.sqrt(noise / total)) if total > 0 else 0.0
-
-
-def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
-    """A fit of steps with the plant of another fit of them."""
-    part = other.plant_
-    assert part is not None
-    gone = ("nonlinear", "friction", "release")
-    kept = [one for one in fit.findings if one.code not in OF_SHAPES and one.subject not in gone]
-    if other.uncertainty is not None and other.uncertainty.scatter_from == "engagements":  # single runs tell, too
-        kept = [one for one in kept if one.code != "single-runs-few-levels"]
-    if part.plant.kind == "ringing":  # its turns are the edges that were seen
-        kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
-    told = [one for one in other.findings if one.code in OF_PLANT]
-    told += merged(
-        [msgspec.structs.replace(one, subject="steps") for one in other.findings if one.code == "input-late"]
-    )
-    if late_s := other.noted_late_s:
-        kept = [one for one in kept if not as_late(one, late_s, 1 / (fit.data.sample_rate_hz or np.inf))]
-    idle = workflow.usual_idle(stepset)  # which the steps were cut from
-    named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit, idle=idle)
-    if (release := release_of(part.plant, set_behind(stepset, part.dead_time_s))) is not None:
-        named = msgspec.structs.replace(named, release=(release.tau1, release.tau2))
-    changed: dict[str, Any] = {"nonlinear": other.nonlinear, "linear": other.linear, "release": release}
-    changed["friction"] = levels_of_plant(named, fit.data.levels)
-    changed["converged"] = other.converged
-    return judged(msgspec.structs.replace(fit, plant_=named, **changed, findings=ranked([*kept, *told])))
-
-
-REST_ROWS = 20  # Before a step
-OF_PLANT = ("kind-by-evidence", "dead-time", "levels-scatter", "output-levels-off")  # Which go with a plant
-OF_SHAPES = {
-    "dead-time",
-    "input-late",
-    "other-shape-fits-better",
-    "shape-misses",
-    "step-leaves-open",
-}  # No step has its shape
-FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
-FAR_OFF_PCT = 3.0  # Of the fit that one lag lacks, from which on it is not asked again
-AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
-AS_WELL_SHAPED = 1.1  # What it leaves of the steps' shapes over what these leave, at most
-LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 
 
 def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
