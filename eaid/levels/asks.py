@@ -1,4 +1,4 @@
-"""Whether a fit of steps asks for another kind of plant than the clutch's: what `recorded/another_kind.py` then tries."""
+"""Whether a fit of steps asks for another kind of plant than the clutch's, which `recorded/another_kind.py` tries."""
 
 import numpy as np
 
