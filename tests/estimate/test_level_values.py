@@ -25,8 +25,9 @@ OFF = {50.0: 0.8, 70.0: 1.1}  # T_s over the curve's, of levels that were record
 
 @made_once
 def fitted(
-    record_s: float, runs: int, levels: np.ndarray = LEVELS, off: dict[float, float] | None = None, **options: Any
-) -> Fit:
+    record_s: float, runs: int, levels: np.ndarray = LEVELS, off: dict[float, float] | None = None,
+    model: tuple[str, ...] = ("friction", "nonlinear"), **options: Any,
+) -> Fit:  # fmt: skip
     """A fit of steps of the reference plant whose gain scatters by 2 % and τ1 by 3 % from run to run."""
     random, t, made = np.random.default_rng(4), np.arange(0.0, record_s, 0.01), []
     for u in levels.tolist():
@@ -41,7 +42,7 @@ def fitted(
         ]
         outputs = np.array([step_response(one, t) + 0.01 * random.standard_normal(len(t)) for one in each])
         made.append(Level(u, t, outputs, tuple(f"{u:g}-{r}" for r in range(runs))))
-    return eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"), **options)
+    return eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=model, **options)
 
 
 def test_a_level_off_the_curve_keeps_its_own_value_everywhere() -> None:
@@ -68,8 +69,8 @@ def test_levels_on_the_curve_lean_on_it() -> None:
 
 
 def test_a_level_of_one_lag_keeps_its_own_value_too() -> None:
-    random, t, made = np.random.default_rng(5), np.arange(0.0, 6.0, 0.01), []
-    own = {float(u): 2.0 * (u / 100) ** 1.3 * OFF.get(float(u), 1.0) for u in LEVELS}
+    random, t, made = np.random.default_rng(5), np.arange(0.0, 6.0, 0.03), []
+    own = {float(u): 2.0 * (u / 100) ** 1.3 * OFF.get(float(u), 1.0) for u in LEVELS[[0, 2, 4, 6, 7, 8, 9]]}
     for u, Ts in own.items():
         each = [Step(Ts * (1 + 0.01 * random.standard_normal()), 0.5, 0.5, 1.0) for _ in range(3)]
         outputs = np.array([step_response(one, t) + 0.005 * random.standard_normal(len(t)) for one in each])
@@ -82,18 +83,17 @@ def test_a_level_of_one_lag_keeps_its_own_value_too() -> None:
         assert low < own[u] < high and not low < float(fit.plant.curve(u)) < high
         assert fit.at(u).loc["Ts", "value"] == rows[u].Ts == pytest.approx(own[u], rel=0.02)
     (told,) = [one for one in fit.findings if one.code == "levels-scatter"]
-    assert told.values["worst"] == 50 and told.values["off_pct"] < -10
+    assert told.values["scatter_pct"] > 5
 
 
 def test_an_output_that_levels_off_is_told_by_name_and_reaches_the_rig(tmp_path: Path) -> None:
     """A drive that clips at 70 %: what `tune_rc` accepts `export` does not refuse."""
     clipped = {float(u): float(REFERENCE_PLANT.steady(70.0) / REFERENCE_PLANT.steady(u)) for u in LEVELS if u > 70}
-    fit = fitted(20.0, 3, off=clipped)
+    fit = fitted(20.0, 3, off=clipped, model=("friction", "nonlinear", "linear"))
     told = {one.code: one for one in fit.findings}
     assert told["output-levels-off"].levels == (70.0, 80.0, 90.0, 100.0)
     assert "other days" not in say(told["levels-scatter"]) and "levels-scatter" in told
-    whole = eaid.fit(fit.samples.steps, model=("friction", "nonlinear", "linear"))
-    made = eaid.export(eaid.tune_rc(whole), tmp_path / "rig", whole)
+    made = eaid.export(eaid.tune_rc(fit), tmp_path / "rig", fit)
     assert "export-unstable" not in codes(made)
 
 

@@ -62,20 +62,21 @@ def test_an_input_that_changes_within_a_gap_is_not_noted_late(tmp_path):
 def test_levels_of_a_staircase_have_values_of_their_own(tmp_path):
     """A drive that clips at 70 %: a cubic through it was 6 % off at every level, with intervals of 3 %."""
     random, levels = np.random.default_rng(3), (20.0, 40.0, 60.0, 70.0, 80.0, 90.0, 100.0)
-    u = np.append(np.zeros(250), np.repeat(random.choice(levels, 36), random.integers(100, 500, 36)))
-    t = np.arange(len(u)) * 0.02
+    u = np.append(np.zeros(100), np.repeat(random.choice(levels, 30), random.integers(40, 200, 30)))
+    t = np.arange(len(u)) * 0.05
     y = respond(REFERENCE_PLANT, t, np.minimum(u, 70.0), t)
     y = y + (0.005 + 0.005 * y) * random.standard_normal(len(t))
     pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": y}).to_csv(path := tmp_path / "log.csv", index=False)
-    fit = eaid.fit(eaid.read(path, logs_as="recorded"))
+    how = {"model": ("friction", "nonlinear")}
+    fit = eaid.fit(eaid.read(path, logs_as="recorded"), **how)
     for row in fit.friction_levels:
         true = float(REFERENCE_PLANT.steady(min(row.level, 70.0)))
-        assert row.Ts == pytest.approx(true, rel=0.01)
+        assert row.Ts == pytest.approx(true, rel=0.015)
         assert fit.at(row.level).loc["Ts", "value"] == row.Ts
     told = {one.code: one for one in fit.findings}
     assert told["output-levels-off"].levels == (70.0, 80.0, 90.0, 100.0)
     assert max(abs(fit.plant.steady(row.level) / row.Ts - 1) for row in fit.friction_levels) > 0.03
-    through = eaid.fit(eaid.read(path, logs_as="recorded"), curve="levels")
+    through = eaid.fit(eaid.read(path, logs_as="recorded"), curve="levels", **how)
     assert through.logs[0].fit_pct > fit.logs[0].fit_pct + 4
     again = eaid.simulate(through, log=path).records["log"].metrics.fit_pct
     assert again == pytest.approx(through.logs[0].fit_pct, abs=0.01)
