@@ -207,7 +207,7 @@ def friction_of_logs(
     share, tables = plant_found(solved).C, solved.curves(levels)
     ends = {row.level: row.ci95 for row in (() if known is None else known.rows)}
     steady = tables.steady if own is None else np.exp(own.Ts)
-    for u, both in () if own is None else zip(own.u.tolist(), own.ends, strict=True):
+    for u, both in () if own is None or known is None else zip(own.u.tolist(), own.ends, strict=True):
         ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), Ts=both)
     values = zip(steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
     rows = [
@@ -319,10 +319,10 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
     if options.through:
         base = with_curve_through(base, inputs)
-    uncertainty = None if options.ci == "none" else spread(base)
-    if uncertainty is not None:
-        uncertainty = with_runs(uncertainty, base, experiment.repeats)
-    own = levels_own(base, uncertainty, inputs, experiment.repeats)
+    # which value a level has is no matter of intervals
+    spreads = with_runs(spread(base), base, experiment.repeats) if options.ci != "none" or inputs.stepwise else None
+    own = levels_own(base, spreads, inputs, experiment.repeats)
+    uncertainty = None if options.ci == "none" else spreads
     findings += [] if own is None else own.told
     known = None
     if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):

@@ -112,6 +112,9 @@ def plant_part(
     goes with it at some inputs; T_s of levels is each its `own` where their runs tell it."""
     p, units = plant_found(solved), (data.input_unit, data.output_unit)
     known, model, top = FittedPlant.of(p, units), solved.setup.model, solved.setup.model.high
+    if own is not None and model.kind != "parallel":
+        Ts = zip(own.u.tolist(), np.exp(own.Ts).tolist(), strict=True)
+        known = msgspec.structs.replace(known, Ts_levels=tuple(Ts))
     if uncertainty is None:
         return msgspec.structs.replace(known, tried=tried)
     constant, rows = ["dead_time_s"] * (solved.setup.at("dead") >= 0), list[tuple[str, float]]()
@@ -129,10 +132,8 @@ def plant_part(
     for (name, u), one in zip(rows, ends, strict=True):
         levels.setdefault(name, []).extend([(u, *one)] if one is not None else [])
     by_level = {name: tuple(at) for name, at in levels.items()}
-    if own is not None and model.kind != "parallel":
-        u, Ts = own.u.tolist(), np.exp(own.Ts).tolist()
-        by_level["Ts"] = tuple((level, *both) for level, both in zip(u, own.ends, strict=True))
-        known = msgspec.structs.replace(known, Ts_levels=tuple(zip(u, Ts, strict=True)))
+    if known.Ts_levels and own is not None:
+        by_level["Ts"] = tuple((u, *both) for u, both in zip(own.u.tolist(), own.ends, strict=True))
     return msgspec.structs.replace(known, ci95=PlantIntervals(levels=by_level, **found), tried=tried)
 
 

@@ -176,9 +176,11 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
         curves[name] = tuple((back @ moved / scales(count)).tolist())
         turn = back @ (moved[:, None] * hats)
         blocks[name] = turn @ foreseen[name].covariance @ turn.T
-    through = tuple(zip(levels.tolist(), foreseen["Ts"].value.tolist(), strict=True)) if plant.Ts_through else ()
+    of_levels = tuple(zip(levels.tolist(), foreseen["Ts"].value.tolist(), strict=True))
+    through = of_levels if plant.Ts_through else ()
     if base.plant_ is not None:
-        base = replace(base, plant_=replace(base.plant_, ci95=None, Ts_through=through, **curves))
+        own = of_levels if base.plant_.Ts_levels else ()
+        base = replace(base, plant_=replace(base.plant_, ci95=None, Ts_through=through, Ts_levels=own, **curves))
     if model is None:
         return base
     own_curves = {name: getattr(model, name) for name in CURVES_ORDER} | curves
