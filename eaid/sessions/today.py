@@ -176,18 +176,18 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
         curves[name] = tuple((back @ moved / scales(count)).tolist())
         turn = back @ (moved[:, None] * hats)
         blocks[name] = turn @ foreseen[name].covariance @ turn.T
-    of_levels = tuple(zip(levels.tolist(), foreseen["Ts"].value.tolist(), strict=True))
-    through = of_levels if plant.Ts_through else ()
+    foretold = tuple(zip(levels.tolist(), foreseen["Ts"].value.tolist(), strict=True))
+    through = foretold if plant.Ts_through else ()
     if base.plant_ is not None:
-        own = of_levels if base.plant_.Ts_levels else ()
-        base = replace(base, plant_=replace(base.plant_, ci95=None, Ts_through=through, Ts_levels=own, **curves))
+        each = foretold if base.plant_.Ts_levels else ()
+        base = replace(base, plant_=replace(base.plant_, ci95=None, Ts_through=through, Ts_levels=each, **curves))
     if model is None:
         return base
     own_curves = {name: getattr(model, name) for name in CURVES_ORDER} | curves
     kept = {name: getattr(model, name) for name in ("C", "solver", "estimator")}
     plain = parts.Nonlinear(**own_curves, **kept, u_range=u_range, Ts_through=through)
-    each = [(row.level, *_at(foreseen, CURVES_ORDER, k)) for k, row in enumerate(rows)]
-    shown = [parts.CurveLevel(u, **values, ci95=LevelIntervals(**ends)) for u, values, ends in each]
+    by_level = [(row.level, *_at(foreseen, CURVES_ORDER, k)) for k, row in enumerate(rows)]
+    shown = [parts.CurveLevel(u, **values, ci95=LevelIntervals(**ends)) for u, values, ends in by_level]
     degrees = {name: float(np.median(foreseen[name].dof)) if name in foreseen else MANY for name in CURVES_ORDER}
     return replace(base, nonlinear=with_intervals(plain, shown, block_diag(*blocks.values()), degrees))
 
