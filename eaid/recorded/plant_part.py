@@ -21,6 +21,7 @@ from eaid.results.recorded import KindTried
 from eaid.steps.stepset import Level
 
 LEVELS_TO_SPARE = 2  # Levels beyond the coefficients of T_s(u) from which one is told from the curve
+MAY_BE_0 = 0.7  # Half-width of the logarithm beyond which a level's interval is that of its value
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 
 
@@ -36,9 +37,11 @@ class LevelsOwn:
 
     @property
     def ends(self) -> list[tuple[float, float]]:
-        """The intervals."""
-        low, high = np.exp([self.Ts - self.half, self.Ts + self.half]).tolist()
-        return list(zip(low, high, strict=True))
+        """The intervals, on the logarithm but for what may be 0."""
+        value, may_be_0 = np.exp(self.Ts), self.half > MAY_BE_0
+        low = np.where(may_be_0, np.maximum(value * (1 - self.half), 0.0), value * np.exp(-self.half))
+        high = np.where(may_be_0, value * (1 + self.half), value * np.exp(np.minimum(self.half, MAY_BE_0)))
+        return list(zip(low.tolist(), high.tolist(), strict=True))
 
 
 def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Sequence[Level]) -> LevelsOwn | None:
