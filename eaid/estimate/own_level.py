@@ -69,14 +69,14 @@ def levels_scatter(line: MixedLine, u: Array, own: Array, curve: Array, levels_o
     return [finding("levels-scatter", "nonlinear", (), worst=float(u[i]), levels_off=levels_off, **sizes)]
 
 
-def levelled_off(u: Array, own: Array, curve: Array, error: float | None) -> list[Finding]:
+def levelled_off(u: Array, own: Array, curve: Array, error: float | None, keeps: str = "levels") -> list[Finding]:
     """Where the highest levels have one output, and the curve another: the drive clips, or the clutch saturates; `own`
-    and `curve` are ln T_s, (L,), the one known to a standard `error` where that is known."""
+    and `curve` are ln T_s, (L,), the one known to a standard `error` where that is known; the option `keeps` levels."""
     order, to = np.argsort(u), ALIKE_TO if error is None else min(ALIKE_TO, max(LEAST_ALIKE, SURELY * error))
     flat = order[np.flatnonzero(np.abs(own[order] - own[order[-1]]) > to).max(initial=-1) + 1 :]
     many = FEWEST_FLAT <= len(flat) < len(u) and u[flat[-1]] >= FLAT_OVER * u[flat[0]]
     if not many or np.abs(own - curve)[flat].max() < OFF_CURVE:
         return []
     within_pct, levels = 100 * float(np.expm1(np.ptp(own[flat]))), u[flat].tolist()
-    values: dict[str, Value] = {"least": float(u.min()), "knee": levels[0], "within_pct": within_pct}
+    values: dict[str, Value] = {"least": float(u.min()), "knee": levels[0], "within_pct": within_pct, "keeps": keeps}
     return [finding("output-levels-off", "nonlinear", levels, **values)]

@@ -65,7 +65,7 @@ def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Se
         return None
     own, half, _ = own_of_levels(line, size, degrees, gains)
     curve, error = np.log(size), float(np.sqrt(np.median(np.diag(covariance))))
-    flat = levelled_off(u, np.log(Ts), curve, error)
+    flat = levelled_off(u, np.log(Ts), curve, error, "levels" if levels else "duty")
     told = [*flat, *levels_scatter(line, u, own, curve, levels_off=bool(flat))]
     return LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told)
 

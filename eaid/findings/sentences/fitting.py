@@ -327,7 +327,7 @@ ROWS: dict[str, Row] = {
     ),
     "output-levels-off": caution(
         "the output is the same {at} (within {within_pct:.2g} %), and T_s(u) is not: the clutch saturates there, or "
-        "its drive clips the input at {knee:g}; «levels» {least:g}:{knee:g} fits up to there",
+        "its drive clips the input at {knee:g}; «{keeps}» {least:g}:{knee:g} fits up to there",
         rank=0,
     ),
     "curve-misses-levels": caution(
