@@ -17,7 +17,7 @@ from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
-from eaid.recorded.creep import by_noise, creeping, sure, with_creeps
+from eaid.recorded.creep import LEAST_GAIN, by_noise, creeping, drifting, sure, with_creeps
 from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import seen, tested, with_falls
 from eaid.recorded.from_logs import (
@@ -127,6 +127,10 @@ def plant_of_logs(
     chosen = _chosen(logs, others, inputs, options, rests, of_steps_s, falls)
     if others or not falls or answers(chosen.solved, chosen.logs):
         return chosen
+    if (gains := drifting([one for one in (chosen.solved, chosen.clutch) if one is not None])) is not None:
+        rows = zip(chosen.logs, (100 * gains).tolist(), strict=True)
+        told = [finding("gain-drifts", log.name, pct=pct) for log, pct in rows if abs(pct) > 100 * LEAST_GAIN]
+        return replace(chosen, findings=[*chosen.findings, *told])
     creeps = creeping(chosen.solved, chosen.clutch, chosen.logs)
     if not creeps.any():
         return chosen

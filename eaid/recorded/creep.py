@@ -21,9 +21,10 @@ from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE
 from eaid.recorded.from_logs import Solved, ended_near, setup_of
 from eaid.recorded.kinds import independent_of
-from eaid.recorded.log_intervals import Spread, spread
+from eaid.recorded.log_intervals import Spread, correlation_s, spread
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
+LEAST_GAIN = 0.03  # Part by which a gain drifts over a log that is told
 MOST_BENT = 0.7  # Of that, amid the log: half where it warms up at once
 
 
@@ -52,6 +53,40 @@ def creeping(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLog])
     parts = [np.abs(one) / np.ptp(log.output[np.isfinite(log.output)]) for one, log in zip(creeps, logs, strict=True)]
     straight, bent = max(parts, key=lambda one: one[0])
     return creeps if LEAST_PART < straight < MOST_PART and bent < MOST_BENT * straight else nothing
+
+
+def drifting(tried: Sequence[Solved]) -> Array | None:
+    """By what part the gain of each log grows from its begin to its end, (L,), by one linear step of the fit of some
+    that is explained best so; None where noise, or an output that creeps, explains as much or more.
+
+        y = (1 + g (s − ½)) response
+    """
+    _, gains, ahead = min((_with_drift(one) for one in tried), key=lambda one: one[0])
+    return gains if ahead and max(map(abs, gains)) > LEAST_GAIN else None
+
+
+def _with_drift(solved: Solved) -> tuple[float, Array, bool]:
+    """What a fit leaves with gains that drift, these, and whether they explain more than noise and creeps do."""
+    setup, gains, saved, left, independent = replace(solved.fitted, creeping=0), [], np.zeros(2), 0.0, 0.0
+    own = np.concatenate([place.own[3:] for place in solved.fitted.places])
+    x = np.delete(solved.x, own[own >= 0])
+    for k, drive in enumerate(setup.drives):
+        J, r = setup.jacobian(x, k)
+        root, idle = np.sqrt(drive.w[drive.w > 0]), int(setup.places[k].own[0])
+        response = r + root * (drive.y[drive.w > 0] - (x[idle] if idle >= 0 else 0.0))
+        creep = setup.crept[k]
+        basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
+        for n, columns in enumerate((creep, (response * (creep[:, 0] / root - 0.5))[:, None])):
+            alone = columns - basis @ (basis.T @ columns)
+            step = -np.linalg.lstsq(alone, r, rcond=1e-10)[0]
+            after = r + alone @ step
+            saved[n] += float(r @ r) - float(after @ after)
+        gains.append(float(step[0]))
+        left += float(after @ after)
+        dt_s = float(drive.dt_s.sum()) / len(after)
+        independent += len(after) * dt_s / max(2 * correlation_s(after, dt_s), dt_s)
+    by_noise = float(chdtri(len(gains), SHARE_CHANCE)) * left / max(independent, 1.0)
+    return left, np.array(gains), bool(saved[1] > max(saved[0], by_noise))
 
 
 def by_noise(free: Solved, count: int) -> float:

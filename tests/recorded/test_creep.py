@@ -46,3 +46,12 @@ def test_slow_noise_is_no_creep(seed):
     log = staircase(0.0)
     log["torque_nm"] += lfilter([0.04 * 0.2], [1, -0.98], np.random.default_rng(seed).normal(size=len(log)))
     assert "log-creeps" not in {one.code for one in eaid.fit(log).findings}
+
+
+def test_a_gain_that_drifts_is_no_creep_of_the_output():
+    log = staircase(0.0)
+    above = respond(TRUE, log.time_s.to_numpy(), log.duty_pct.to_numpy(), log.time_s.to_numpy())
+    log["torque_nm"] -= 0.12 * above * (log.time_s / log.time_s.max() - 0.5)
+    fit = eaid.fit(log)
+    told = {one.code: one.values for one in fit.findings}
+    assert "log-creeps" not in told and told["gain-drifts"]["pct"] == pytest.approx(-12.0, abs=4.0)

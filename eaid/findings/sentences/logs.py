@@ -193,6 +193,11 @@ ROWS: dict[str, Row] = {
         ),
         rank=1,
     ),
+    "gain-drifts": caution(
+        "{subject}: its output grows by {pct:+.2g} % from its start to its end at one input, as if the clutch warmed "
+        "up: T_s is that of its middle, and levels that were held early or late are off: record it warmed up",
+        rank=0,
+    ),
     "log-creeps": caution(
         "the output creeps by {end:+.3g} {unit} ({low:+.3g} … {high:+.3g}) from the start of the log to its end "
         "({middle:+.3g} amid it) beside its response; the fit is without that creep: let the sensor warm up",
