@@ -201,7 +201,9 @@ class Estimate:
         assert self.model.Ts is not None
         D, Ts = self.model.Ts.rows(self.solved.steps.data.u), self.solved.at.theta[0]
         size = np.maximum(D @ curve.coefficients, 1e-3 * float(Ts.max()))
-        return levels_about(Ts, size, D, np.diag(self.gain_scatter.expected[:, 0]) + self._of_time_constants())
+        of_logs = np.diag(self.gain_scatter.expected[:, 0]) + self._of_time_constants()
+        known = np.isfinite(of_logs).all() and Ts.min() > SURE * Ts.max()  # not of levels that stay at rest
+        return levels_about(Ts, size, D, of_logs) if known else None
 
     @cached_property
     def gain_scatter(self) -> LevelScatter:

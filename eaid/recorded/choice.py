@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from eaid.arrays import white_squares
-from eaid.errors import DataError
+from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted, without_creep
 from eaid.findings import Finding, finding
@@ -29,8 +29,9 @@ from eaid.recorded.from_logs import (
     plant_found,
     setup_of,
     start_states,
+    through_levels,
 )
-from eaid.recorded.inputs import MANY_LEVELS, Excited
+from eaid.recorded.inputs import FEW_LEVELS, MANY_LEVELS, Excited
 from eaid.recorded.kinds import (
     PRICE,
     LagKind,
@@ -156,7 +157,7 @@ def _chosen(
     alone = not others and options.share == SHARE and not beyond  # another kind says nothing of inputs never seen
     # where no input ever changes, gain and idle output cannot be told apart
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
-    if clutch is not None and (still or not alone):
+    if clutch is not None and (still or not alone or options.through):
         return clutch
     # gains of these kinds extrapolate nothing: they hold for all that the logs hold, or their own play would be cut off
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
@@ -193,7 +194,7 @@ def taken(searched: Searched, wanted: str = "") -> Chosen:
     of_lags = searched.falls and explains and not (signed or answers(best.solved, logs))
     of_falls, found = tuple[FallTest, ...](), tuple[Finding, ...]()
     if of_lags and (pair := as_pair(best.solved)) is not None:
-        solved, of_falls, found = tested(pair, inputs.stepwise, free=True)
+        solved, of_falls, found = tested(pair, inputs, free=True)
         if solved is not pair:  # the kind that is taken, with its falls
             best = replace(best, solved=solved)
             kinds = (kind_row(best, total, best.score), *kinds[1:])
@@ -423,11 +424,20 @@ def _of_the_clutch(
         base, ends = found
         low, high = (base.x[base.setup.model.size - 1] + np.array([-ends, ends])).tolist()
         findings.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=(low + high) / 2, low=low, high=high))
+    if options.through:
+        base = curve_through(base, inputs)
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
-        base, of_falls, more = tested(base, inputs.stepwise, free)
+        base, of_falls, more = tested(base, inputs, free)
         findings += more
     return Chosen(base, behind.logs, of_falls, (), findings, behind.late, plain)
+
+
+def curve_through(base: Solved, inputs: Excited) -> Solved:
+    """A fit with T_s(u) through the values of the levels that its logs hold."""
+    if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
+        raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
+    return through_levels(base, inputs.levels)
 
 
 def answers(solved: Solved, logs: Sequence[RecordedLog]) -> bool:

@@ -18,7 +18,8 @@ from scipy.special import fdtrc
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
-from eaid.recorded.from_logs import NO_EXTRAS, Solved, ended_near
+from eaid.recorded.from_logs import NO_EXTRAS, Solved, ended_near, through_levels
+from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.recorded import FallTest
 
@@ -46,17 +47,22 @@ def seen(drives: tuple[Drive, ...], low: float, stepwise: bool, free: bool) -> t
     return (*("rest",) * bool(rests), *of_falls)
 
 
-def tested(base: Solved, stepwise: bool, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
-    """Test all that the inputs can tell together, then fit again with those that differ: they are its extras."""
-    names = seen(base.setup.drives, base.setup.model.low, stepwise, free)
+def tested(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
+    """Test all that the inputs can tell together, then fit again with those that differ: they are its extras. Where
+    levels are held, with T_s of each: falls imitate what a curve through them misses."""
+    names = seen(base.setup.drives, base.setup.model.low, inputs.stepwise, free)
     judgements: dict[str, Judged] = {}
     if names:
-        whole = with_falls(base, names)
+        model, by_levels = base.setup.model, base
+        if inputs.stepwise and model.slices[0].stop < len(inputs.levels) <= FEW_LEVELS and not model.signed:
+            by_levels = through_levels(base, inputs.levels)
+        whole = with_falls(by_levels, names)
         judgements = _judged(whole, names)
-        own = ("rest",) if "rest" in names and _makes_surer(base, whole) else ()
+        own = ("rest",) if "rest" in names and _makes_surer(by_levels, whole) else ()
         if differing := tuple(name for name in names if judgements[name].differs or name in own):
-            base = whole if differing == names else with_falls(base, differing)
-            if differing != names:
+            known = by_levels is base and differing == names
+            base = whole if known else with_falls(base, differing)
+            if not known:
                 judgements |= _judged(base, differing)
     rows = []
     for extra, numbers in FALL_NAMES.items():

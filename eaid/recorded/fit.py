@@ -38,7 +38,7 @@ from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, input_findings, over, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, spread, with_runs
-from eaid.recorded.plant_part import LevelsOwn, intervals, levels_own, plant_part, through_levels
+from eaid.recorded.plant_part import LevelsOwn, intervals, levels_own, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -317,8 +317,6 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         base, before_s = with_instrument(base, chosen.logs), base.fitted.dead_time(base.x)
         if (theta_s := base.fitted.dead_time(base.x)) > before_s:
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
-    if options.through:
-        base = with_curve_through(base, inputs)
     # which value a level has is no matter of intervals
     spreads = with_runs(spread(base), base, experiment.repeats) if options.ci != "none" or inputs.stepwise else None
     own = levels_own(base, spreads, inputs, experiment.repeats)
@@ -356,13 +354,6 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
         ),
     )
-
-
-def with_curve_through(base: Solved, inputs: Excited) -> Solved:
-    """A fit with T_s(u) through the values of the levels that its logs hold."""
-    if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS or base.setup.model.kind != "parallel":
-        raise UsageError("«curve» levels: these logs hold no levels, or ask for another kind of plant; leave it out")
-    return through_levels(base, inputs.levels, base.curves(inputs.levels).steady)
 
 
 def parted(logs: Sequence[RecordedLog]) -> list[Finding]:

@@ -36,7 +36,7 @@ from eaid.levels.from_steps import CHI2_APART
 from eaid.plant.derivatives import at_first, derivatives, swinging
 from eaid.plant.drive import AT_CREEP, AT_IDLE, Drive, Tables, beginning, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
-from eaid.plant.forms import Form, LegendreForm
+from eaid.plant.forms import Form, LegendreForm, PerLevel
 from eaid.plant.sums import linear_sums
 from eaid.recorded.few_rows import Copies
 from eaid.results.common import Solver
@@ -425,6 +425,13 @@ def ended_near(setup: Setup, x: Array) -> Solved:
     if not held.solver.converged or held.cost > solved.cost * (1 + AT_BEND):
         return solved
     return replace(solved, x=np.insert(held.x, at, theta), cost=held.cost, solver=held.solver)
+
+
+def through_levels(solved: Solved, u: Array) -> Solved:
+    """A fit with T_s of each level as an unknown, (L,), in place of a curve's coefficients."""
+    fitted, first = solved.fitted, solved.fitted.model.slices[0].stop
+    each = replace(fitted, model=replace(fitted.model, Ts=PerLevel(tuple(u.tolist()))))
+    return ended_near(each, np.append(solved.curves(u).steady, solved.x[first:]))
 
 
 def least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:

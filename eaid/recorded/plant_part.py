@@ -10,8 +10,7 @@ from eaid.arrays import Array
 from eaid.estimate.own_level import SURE, gains_of_runs, levelled_off, levels_about, levels_scatter, own_of_levels
 from eaid.estimate.spread import LevelScatter
 from eaid.findings import Finding
-from eaid.plant.forms import PerLevel
-from eaid.recorded.from_logs import Solved, ended_near, plant_found
+from eaid.recorded.from_logs import Solved, plant_found, through_levels
 from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
@@ -56,7 +55,7 @@ def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Se
     size = D @ solved.x[first]
     if not (size > 0).all():
         return None
-    by_themselves = _by_runs(solved, known, levels, size) if levels else _by_logs(solved, u, size)
+    by_themselves = _by_runs(solved, known, levels, size) if levels else _by_logs(solved, u)
     if by_themselves is None or (by_themselves[0] <= 0).any():
         return None
     Ts, covariance, degrees, gains = by_themselves
@@ -66,7 +65,7 @@ def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Se
     own, half, _ = own_of_levels(line, size, degrees, gains)
     curve, error = np.log(size), float(np.sqrt(np.median(np.diag(covariance))))
     flat = levelled_off(u, np.log(Ts), curve, error, "levels" if levels else "duty")
-    told = [*flat, *levels_scatter(line, u, own, curve, levels_off=bool(flat))]
+    told = [*flat, *levels_scatter(line, u, own, curve, levels_off=bool(flat) or not levels)]
     return LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told)
 
 
@@ -90,16 +89,9 @@ def _by_runs(solved: Solved, known: Spread, levels: Sequence[Level], size: Array
     return np.array(own) * size, covariance, float(gains.degrees.sum()), gains
 
 
-def through_levels(solved: Solved, u: Array, near: Array) -> Solved:
-    """A fit with T_s of each level as an unknown, begun `near` some values, (L,)."""
-    fitted, first = solved.fitted, solved.fitted.model.slices[0].stop
-    each = replace(fitted, model=replace(fitted.model, Ts=PerLevel(tuple(u.tolist()))))
-    return ended_near(each, np.append(near, solved.x[first:]))
-
-
-def _by_logs(solved: Solved, u: Array, size: Array) -> ByThemselves | None:
+def _by_logs(solved: Solved, u: Array) -> ByThemselves | None:
     """Of any log whose input is held: T_s of each level as an unknown, in place of the curve's coefficients."""
-    found = through_levels(solved, u, size)
+    found = through_levels(solved, u)
     if not found.solver.converged:
         return None
     of, Ts = spread(found), found.x[: len(u)]
