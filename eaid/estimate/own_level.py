@@ -20,6 +20,7 @@ from eaid.steps.stepset import Level
 SURE = 1e-4  # Part of T_s below which nothing scatters
 # Twice the logarithm of how much likelier levels with a scatter of their own are, from which it is told: one in 200
 SCATTER_SEEN = 6.6
+FAR = np.log(10.0)  # Logarithm from which a level is far off its curve, as where that is next to 0
 # Levels of one output: the part of it, and standard errors of the difference, by which they differ at most; how many,
 # over which inputs, and how far the curve is off one of them
 LEAST_ALIKE, ALIKE_TO, SURELY, FEWEST_FLAT, FLAT_OVER, OFF_CURVE = 0.01, 0.04, 3.5, 3, 1.2, 0.05
@@ -65,7 +66,8 @@ def levels_scatter(line: MixedLine, u: Array, own: Array, curve: Array, levels_o
         return []
     off = own - curve
     i = int(np.abs(off).argmax())
-    sizes = {"scatter_pct": 100 * float(np.sqrt(line.v[0])), "off_pct": 100 * float(np.expm1(off[i]))}
+    far = off[i] > FAR
+    sizes = {"scatter_pct": 100 * float(np.sqrt(line.v[0])), "off_pct": None if far else 100 * float(np.expm1(off[i]))}
     return [finding("levels-scatter", "nonlinear", (), worst=float(u[i]), levels_off=levels_off, **sizes)]
 
 

@@ -37,7 +37,7 @@ from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found, 
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, input_findings, over, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
-from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, spread, with_runs
+from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, with_runs
 from eaid.recorded.plant_part import LevelsOwn, intervals, levels_own, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
@@ -62,6 +62,7 @@ from eaid.steps.stepset import Level, StepSet
 
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
+EXPLAINED_PCT = 80.0  # Of each log, from which on its steps by themselves are not asked
 
 
 def log_part(solved: Solved, k: int, log: RecordedLog, creep: tuple[float, float]) -> LogFit:
@@ -233,14 +234,10 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     shapes = single_steps(stepset, options)
     dead_s = statistics.median_low([one.dead_time_s for one in shapes if one.edge == "up"] or [0.0])
     fit = fit_recorded(stepset.recorded, options, stepset, rest, dead_time_s=dead_s)
-    # shapes that ask for no more than the dead time that the models begin behind are no news
-    known = ("one", "two") if fit.recorded is not None and fit.recorded.dead_time_s > 0 else ()
-    of_shapes = merged([
-        one for shape in shapes for one in shape.findings
-        if one.code != "other-shape-fits-better" or one.values["shape"] not in known
-    ])  # fmt: skip
-    if fit.plant_ is not None and fit.plant_.another:  # a step by itself has no shape of that kind
-        of_shapes = ()
+    # what a whole log explains a step of it by itself, which begins on the tail of another, tells no better
+    whole = fit.plant_ is not None and all((log.fit_pct or 0.0) >= EXPLAINED_PCT for log in fit.logs)
+    another = fit.plant_ is not None and fit.plant_.another
+    of_shapes = () if whole or another else merged([one for shape in shapes for one in shape.findings])
     findings = ranked((*stepset.all_findings, *fit.findings, *of_shapes))
     told = msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes)
     known = workflow.quotable(told)
@@ -372,6 +369,8 @@ def judged_on_logs(
     if unseen is not None:
         findings += worse_unseen(unseen.fit_pct, unseen.held_pct, unseen.of)
     findings += drift_findings(base, chosen.logs)
+    if not loops:
+        findings += log_that_differs(base, [log.name for log in logs])
     findings += [*left_over_findings(base, chosen.logs), *column_findings(base, chosen.logs)]
     rows = zip(logs, chosen.logs, chosen.late, strict=True)
     return Recorded(

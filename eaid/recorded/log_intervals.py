@@ -201,6 +201,9 @@ WINDOW_S = 2.0  # Stretch over which the density of the noise is taken [s] …
 LOGS_S = (10.0, 600.0)  # … of logs of such lengths, of shorter and longer ones in proportion [s]
 FEWEST_ENGAGEMENTS = 4  # Fewest engagements whose scatter counts
 GAINS_CHANCE = 1e-3  # Gains that noise makes so different more rarely than this are told
+# Part by which a log that is told lies off the others, by chance as rarely as this; how engagements scatter at least,
+# and where too few tell it
+LEAST_LOG_PART, LOG_CHANCE, LEAST_SCATTER, USUAL_SCATTER = 0.03, 0.01, 0.002, 0.02
 LEAST_LOAD = 0.02  # An engagement with less than this part of the mean ∫ T² tells no gain
 
 
@@ -226,16 +229,41 @@ class EngagementScatter:
         return []
 
 
+def _gains_of(solved: Solved, k: int) -> tuple[Array, NDArray[np.intp], Array, Array, NDArray[np.bool_]]:
+    """Of a log the model's output (N,) and the engagement of each row, (N,); of its engagements Σ T², by what part the
+    model lies above the recorded output, and whether they are loaded enough to tell it."""
+    drive, r = solved.setup.drives[k], solved.missed[k]
+    T, which = solved.outputs[k] - idle_found(solved, k) + r, engagements(drive)[drive.w > 0]
+    square = np.asarray(np.bincount(which, T**2), dtype=np.float64)
+    loaded = np.asarray(square > LEAST_LOAD * square.mean())
+    return T, which, square, np.where(loaded, np.bincount(which, T * r) / np.maximum(square, 1e-300), 0.0), loaded
+
+
+def log_that_differs(solved: Solved, names: Sequence[str]) -> list[Finding]:
+    """Said where the output of one log of several lies off the others' by more than engagements scatter within logs."""
+    if len(names) < 2:
+        return []
+    gains = [gain[loaded] for _, _, _, gain, loaded in (_gains_of(solved, k) for k in range(len(names)))]
+    spare = sum(len(one) - 1 for one in gains)
+    within = sum(float(((one - one.mean()) ** 2).sum()) for one in gains) / max(spare, 1)
+    within = max(within, LEAST_SCATTER**2) if spare >= FEWEST_ENGAGEMENTS else USUAL_SCATTER**2
+    means, counts = np.array([one.mean() for one in gains]), np.array([len(one) for one in gains])
+    off = [mean - float(np.delete(means, k).mean()) for k, mean in enumerate(means)]
+    errors = [np.sqrt(within * (1 / counts[k] + float((1 / np.delete(counts, k)).sum()) / (len(means) - 1) ** 2))
+              for k in range(len(means))]  # fmt: skip
+    k = int(np.argmax(np.abs(off)))
+    limit = t_quantile(float(max(spare, FEWEST_ENGAGEMENTS)), 1 - LOG_CHANCE / len(means)) * errors[k]
+    if abs(off[k]) <= max(limit, LEAST_LOG_PART):
+        return []
+    return [finding("log-differs", names[k], off_pct=-100 * float(off[k]))]
+
+
 def scatter_of(solved: Solved, followed: float) -> EngagementScatter:
     """Gains of all engagements, and the noise about them; the fit has `followed` so many of them."""
     gains, squares, fourths, cleaned, outputs, steps = [], [], [], [], [], []
     for k, drive in enumerate(solved.setup.drives):
+        T, which, square, gain, loaded = _gains_of(solved, k)
         r = solved.missed[k]
-        T = solved.outputs[k] - idle_found(solved, k) + r
-        which = engagements(drive)[drive.w > 0]
-        square = np.bincount(which, T**2)
-        loaded = square > LEAST_LOAD * square.mean()
-        gain = np.where(loaded, np.bincount(which, T * r) / np.maximum(square, 1e-300), 0.0)
         steps.append(float(drive.dt_s.sum()) / len(r))
         gains.append(gain[loaded])
         squares.append(square[loaded] * steps[-1])

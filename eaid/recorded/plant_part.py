@@ -20,6 +20,7 @@ from eaid.results.recorded import KindTried
 from eaid.steps.stepset import Level
 
 LEVELS_TO_SPARE = 2  # Levels beyond the coefficients of T_s(u) from which one is told from the curve
+LEAST_SIZE = 0.02  # Of the largest T_s, in whose parts one that is next to 0 by the curve is counted
 MAY_BE_0 = 0.7  # Half-width of the logarithm beyond which a level's interval is that of its value
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 
@@ -53,6 +54,7 @@ def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Se
         return None
     D = setup.slopes(u)[0][:, first]
     size = D @ solved.x[first]
+    size = np.maximum(size, LEAST_SIZE * float(size.max()))
     if not (size > 0).all():
         return None
     by_themselves = _by_runs(solved, known, levels, size) if levels else _by_logs(solved, u)

@@ -193,6 +193,11 @@ ROWS: dict[str, Row] = {
         ),
         rank=1,
     ),
+    "log-differs": caution(
+        "{subject}: its output lies {off_pct:+.2g} % off that of the other logs, more than within logs: another day, "
+        "or mounted anew? Fit each by itself, and compare them",
+        rank=0,
+    ),
     "gain-drifts": caution(
         "{subject}: its output grows by {pct:+.2g} % from its start to its end at one input, as if the clutch warmed "
         "up: T_s is that of its middle, and levels that were held early or late are off: record it warmed up",
