@@ -20,6 +20,7 @@ from eaid.steps.stepset import Level
 SURE = 1e-4  # Part of T_s below which nothing scatters
 # Twice the logarithm of how much likelier levels with a scatter of their own are, from which it is told: one in 200
 SCATTER_SEEN = 6.6
+AT_REST = 0.02  # Part of the largest output up to which that of a level stays at rest
 FAR = np.log(10.0)  # Logarithm from which a level is far off its curve, as where that is next to 0
 # Levels of one output: the part of it, and standard errors of the difference, by which they differ at most; how many,
 # over which inputs, and how far the curve is off one of them

@@ -16,6 +16,7 @@ from eaid.arrays import Array, median
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.data import Data, data_of, explains_little
+from eaid.estimate.own_level import AT_REST
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.findings import Finding, finding, merged, ranked
@@ -46,8 +47,7 @@ from eaid.steps.stepset import Level, StepSet
 
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
-# What no step response explains; the output of a level stays at rest where it is this part of the largest at most
-NO_STEP, AT_REST = ("output-stays-at-rest", "curve-explains-little"), 0.02
+NO_STEP = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
 SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
 LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 

@@ -325,7 +325,10 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     recorded, told = judged_on_logs(base, chosen, logs, others)
     findings += [*chosen.findings, *told]
     findings += [] if uncertainty is None else uncertainty.scatter.findings
-    findings += [] if known is None else known.findings
+    open_ = [] if known is None else known.findings
+    if own is not None:  # which says it of T_s
+        open_ = [*own.wide, *(one for one in open_ if one.values["parameter"] != "Ts")] if known is not None else []
+    findings += open_
     levels = inputs.levels if inputs.stepwise else np.zeros(0)
     data = data_of_logs([*logs, *others], experiment.runs, experiment.steps, levels)
     findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)

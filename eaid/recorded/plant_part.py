@@ -7,9 +7,18 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.estimate.own_level import SURE, gains_of_runs, levelled_off, levels_about, levels_scatter, own_of_levels
+from eaid.estimate.own_level import (
+    AT_REST,
+    SURE,
+    gains_of_runs,
+    levelled_off,
+    levels_about,
+    levels_scatter,
+    own_of_levels,
+)
 from eaid.estimate.spread import LevelScatter
-from eaid.findings import Finding
+from eaid.findings import Finding, finding
+from eaid.recorded.curve_intervals import LIMITS_PCT
 from eaid.recorded.from_logs import Solved, plant_found, through_levels
 from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
@@ -34,6 +43,12 @@ class LevelsOwn:
     half: Array
     scatter: float  # σ_d: how far levels lie off the curve, a part of T_s
     told: list[Finding]
+
+    @property
+    def wide(self) -> list[Finding]:
+        """Levels at which the logs do not fix T_s."""
+        at, limit = self.u[100 * np.expm1(self.half) > LIMITS_PCT["Ts"]], LIMITS_PCT["Ts"]
+        return [finding("input-leaves-tau-open", "nonlinear", at, parameter="Ts", limit_pct=limit)] if len(at) else []
 
     @property
     def ends(self) -> list[tuple[float, float]]:
@@ -68,7 +83,10 @@ def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Se
     curve, error = np.log(size), float(np.sqrt(np.median(np.diag(covariance))))
     flat = levelled_off(u, np.log(Ts), curve, error, "levels" if levels else "duty")
     told = [*flat, *levels_scatter(line, u, own, curve, levels_off=bool(flat) or not levels)]
-    return LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told)
+    found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told)
+    if still := [level for level, (_, high) in zip(u.tolist(), found.ends, strict=True) if high <= AT_REST * Ts.max()]:
+        told.append(msgspec.structs.replace(finding("output-stays-at-rest", "nonlinear", still), severity="caution"))
+    return found
 
 
 # T_s of levels by themselves, the covariance of its logarithms, its degrees of freedom, how the gains of runs scatter
