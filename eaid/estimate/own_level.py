@@ -23,8 +23,8 @@ SCATTER_SEEN = 6.6
 AT_REST = 0.02  # Part of the largest output up to which that of a level stays at rest
 FAR = np.log(10.0)  # Logarithm from which a level is far off its curve, as where that is next to 0
 # Levels of one output: the part of it, and standard errors of the difference, by which they differ at most; how many,
-# over which inputs, and how far the curve is off one of them
-LEAST_ALIKE, ALIKE_TO, SURELY, FEWEST_FLAT, FLAT_OVER, OFF_CURVE = 0.01, 0.04, 3.5, 3, 1.2, 0.05
+# over which inputs, and how far the curve is off a level
+LEAST_ALIKE, ALIKE_TO, SURELY, FEWEST_FLAT, FLAT_OVER, OFF_CURVE = 0.01, 0.04, 3.5, 2, 1.2, 0.04
 
 
 def gains_of_runs(levels: Sequence[Level], curves: Sequence[Array]) -> LevelScatter:
@@ -78,7 +78,7 @@ def levelled_off(u: Array, own: Array, curve: Array, error: float | None, keeps:
     order, to = np.argsort(u), ALIKE_TO if error is None else min(ALIKE_TO, max(LEAST_ALIKE, SURELY * error))
     flat = order[np.flatnonzero(np.abs(own[order] - own[order[-1]]) > to).max(initial=-1) + 1 :]
     many = FEWEST_FLAT <= len(flat) < len(u) and u[flat[-1]] >= FLAT_OVER * u[flat[0]]
-    if not many or np.abs(own - curve)[flat].max() < OFF_CURVE:
+    if not many or np.abs(own - curve).max() < OFF_CURVE:
         return []
     within_pct, levels = 100 * float(np.expm1(np.ptp(own[flat]))), u[flat].tolist()
     values: dict[str, Value] = {"least": float(u.min()), "knee": levels[0], "within_pct": within_pct, "keeps": keeps}

@@ -5,6 +5,7 @@ import numpy as np
 from eaid.results.fit import Fit
 
 MEETS = ("tau2-meets-tau1", "tau1-floor")  # Constraints that hold two lags which are one
+NEARLY_ALIKE = 2.5  # τ2 over τ1 up to which the two may be one
 MOST_PEAKS, ALIKE = 0.67, 2.0  # Of the single steps from rest; factor between the τ1 of those that one plant may have
 LITTLE_PCT = 50.0  # Of every level by its own curve, below which another kind of plant is asked for
 
@@ -15,7 +16,7 @@ def asks_for_one_lag(result: Fit) -> bool:
     of_one = share is not None and share.matters and share.ci95 is not None and share.ci95[1] >= 1
     # a slow lag that is endless at some levels has not met the fast one: the records have not shown it
     meet = any(one.code == "taus-meet" or one.values.get("constraint") in MEETS for one in result.findings)
-    meet = meet or never_slow(result)
+    meet = meet or never_slow(result) or nearly_alike(result)
     of_stand = any(one.code == "rise-of-the-rig" for one in result.findings)  # whose loading has no lags
     return (of_one or meet) and (not of_stand or result.dead_time_s > 0)
 
@@ -25,6 +26,13 @@ def never_slow(result: Fit) -> bool:
     part = result.nonlinear
     endless = any(one.values.get("constraint") == "tau2-endless" for one in result.findings)
     return endless and part is not None and all(row.ci95 is None or row.ci95.tau2 is None for row in part.curves)
+
+
+def nearly_alike(result: Fit) -> bool:
+    """Whether the two lags of the model are as good as one at most levels: a single one that goes with the input."""
+    rows = [] if result.nonlinear is None else result.nonlinear.curves
+    known = [row.tau2 / row.tau1 for row in rows if row.tau1 and row.tau2]
+    return bool(known) and float(np.median(known)) < NEARLY_ALIKE
 
 
 def asks_for_another_kind(result: Fit) -> bool:

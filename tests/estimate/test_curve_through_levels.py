@@ -74,9 +74,9 @@ def test_one_level_is_its_value_and_inputs_have_to_rise() -> None:
 
 def test_it_is_refused_where_no_curve_of_levels_is_fitted() -> None:
     t = np.arange(3000) * 0.02
-    u = np.repeat(np.random.default_rng(1).choice([0.0, 30.0, 60.0, 100.0], 60), 50)
+    u = 50 + 40 * np.sin(0.3 * t) * np.sin(t)
     log = pd.DataFrame({"time_s": t, "duty_pct": u, "torque_Nm": respond(BENT, t, u, t)})
-    with pytest.raises(UsageError, match="no runs of a level"):
+    with pytest.raises(UsageError, match="hold no levels"):
         eaid.fit(eaid.read(log, logs_as="recorded"), curve="levels")
     with pytest.raises(UsageError, match="nonlinear model, which is not fitted"):
         eaid.fit("datasets/friction-force.h5", curve="levels")

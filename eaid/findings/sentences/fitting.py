@@ -320,14 +320,14 @@ ROWS: dict[str, Row] = {
             + (
                 " off; «curve» levels takes T_s through them"
                 if v.get("levels_off")
-                else " off; were levels recorded on other days, or mounted anew?"
+                else " off; were they recorded on other days, or is T_s no cubic? «curve» levels takes it through them"
             )
         ),
         rank=1,
     ),
     "output-levels-off": caution(
         "the output is the same {at} (within {within_pct:.2g} %), and T_s(u) is not: the clutch saturates there, or "
-        "its drive clips the input at {knee:g}; «{keeps}» {least:g}:{knee:g} fits up to there",
+        "its drive clips the input at {knee:g} or before; «{keeps}» {least:g}:{knee:g} fits up to there",
         rank=0,
     ),
     "curve-misses-levels": caution(
