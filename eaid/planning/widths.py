@@ -35,7 +35,7 @@ HOLD_FACTORS = (1.5, 2.0, 3.0, 4.0)
 LEAST_HOLD_S = 5.0
 RELEASE_S, LONGEST_HOLD_S, RESTS_AFTER = 10.0, 120.0, 5  # By themselves; time constants until rest
 # Part of the lowest level's T_s that the slow part of the highest leaves of it, and the longest rest for that [s]
-LEFT_OF_LEAST, LONGEST_REST_S = 0.02, 60.0
+LEFT_OF_LEAST, LONGEST_REST_S = 0.005, 60.0
 LEAST_REPEATS, MOST_REPEATS = 3, 20
 KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
 # Share of the draws that must keep a promised T_s, τ1, τ2 for that: what sessions have beyond the draws (ends by score

@@ -24,7 +24,7 @@ def test_plan_and_its_duty_file(by_hand, run_eaid):
     assert [int(row["order"]) for row in rows] == list(range(1, len(rows) + 1))
     assert {float(row["level"]) for row in rows} == set(told["levels"])
     assert {float(row["idle_s"]) for row in rows} == {10.0}
-    assert {float(row["release_s"]) for row in rows} == {16.0}  # then the slow part is 2 % of the lowest level
+    assert {float(row["release_s"]) for row in rows} == {23.0}  # then the slow part is 0.5 % of the lowest level
     breaks = list(csv.DictReader(Path("plan.duty.csv").read_text().splitlines()))
     assert float(breaks[-1]["time_s"]) == pytest.approx(told["time_on_rig_s"]) and breaks[-1]["duty_pct"] == "0"
     took = sum(float(row[name]) for row in rows for name in ("idle_s", "hold_s", "release_s"))

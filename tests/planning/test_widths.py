@@ -104,7 +104,7 @@ def test_information_of_every_kind_is_that_of_finite_differences(kind: str) -> N
 def test_a_rig_of_minutes_is_held_and_rests_for_as_long_as_it_takes(share: float, tau2_s: float) -> None:
     """A heater: 171 s behind a dead time of 152; the paper's clutch keeps its 120 s, and rests until what the highest
     level leaves is little beside the lowest, a minute at most."""
-    rests_s = 10 if share == 1 else 50
+    rests_s = 10 if share == 1 else 50  # a minute with the idle time
     slow = Plant((171.0,), (tau2_s,), (0.0, 0.02), (10.0, 100.0), share, dead_time_s=152.0)
     quick, how = replace(slow, tau1=(0.5,), tau2=(16.0,), dead_time_s=0.0), {"check": False, "most_levels": 4}
     for plant, release_s, least, most in ((slow, 152 + 5 * 171, 152 + 171, 152 + 5 * 171), (quick, rests_s, 0, 120)):
