@@ -58,7 +58,7 @@ def test_a_good_log_of_several_levels_is_stopped_by_no_step_that_its_noise_hides
     noise = lfilter([0.43], [1, -0.9], np.random.default_rng(2).normal(size=t.size))  # remembers 0.5 s
     fit = eaid.fit(frame(t, u, y + 0.06 * noise), ci="none", shape="two")
     assert fit.recorded is not None and fit.nonlinear.fit_pct > 95
-    assert codes(fit)["shape-explains-little"].levels == (62.0,) and min(one.R2 for one in fit.steps) < 0.3
+    assert "shape-explains-little" not in codes(fit) and min(one.R2 for one in fit.steps) < 0.3  # the log is explained
     assert fit.verdict.usable and "NOT USABLE" not in fit.summary() and eaid.tune_rc(fit).not_usable is None
 
 
