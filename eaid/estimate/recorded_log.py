@@ -143,11 +143,15 @@ def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
     return logs
 
 
+def changes_in_gaps(log: RecordedLog) -> NDArray[np.intp]:
+    """The rows before gaps within which the input changed."""
+    return np.flatnonzero((np.diff(log.time_s) > GAP_ROWS * log.usual_s) & (np.diff(log.input) != 0))
+
+
 def parts_of(log: RecordedLog) -> list[RecordedLog]:
     """A log in parts where its input changed within a gap: when is not known, nor what the states behind it are; a
     loop's, whose law needs it whole, in one."""
-    steps = np.diff(log.time_s)
-    gaps = np.flatnonzero((steps > GAP_ROWS * log.usual_s) & (np.diff(log.input) != 0))
+    steps, gaps = np.diff(log.time_s), changes_in_gaps(log)
     ends = [0, len(log.time_s)]
     for at in (gaps[np.argsort(-steps[gaps])] + 1).tolist():  # the longest first
         if len(ends) <= MOST_PARTS and min(abs(at - end) for end in ends) >= PART_ROWS:

@@ -18,7 +18,7 @@ from eaid.errors import UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import turned, with_intervals
 from eaid.estimate.data import data_of, errors
-from eaid.estimate.recorded_log import RecordedLog, logs_of_steps, parts_of, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, changes_in_gaps, logs_of_steps, parts_of, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
@@ -62,6 +62,7 @@ from eaid.steps.stepset import Level, StepSet
 
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
+MOST_HIDDEN = 0.2  # Part of the changes of an input that gaps may hide
 EXPLAINED_PCT = 80.0  # Of each log, from which on its steps by themselves are not asked
 
 
@@ -360,6 +361,9 @@ def parted(logs: Sequence[RecordedLog]) -> list[Finding]:
     """Logs that gaps part."""
     files = Counter(log.sha256 for log in logs if log.sha256)
     names = {log.sha256: log.name for log in reversed(logs)}
+    hidden = sum(len(changes_in_gaps(log)) for log in logs)
+    if hidden > MOST_HIDDEN * sum(len(log.changes) - 1 for log in logs):
+        return [finding("changes-in-gaps", logs[0].name, count=hidden)]
     return [finding("log-in-parts", names[sha256], parts=count) for sha256, count in files.items() if count > 1]
 
 

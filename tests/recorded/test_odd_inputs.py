@@ -201,3 +201,13 @@ def test_a_log_of_hardly_any_rows_is_refused_at_once():
     log = pd.DataFrame({"time_s": 0.01 * np.arange(49), "duty_pct": 50 * rng.random(49), "torque_nm": rng.random(49)})
     with pytest.raises(eaid.DataError, match="holds 49 rows, and a fit of recorded logs needs 50; record it longer"):
         eaid.fit(log)
+
+
+def test_a_log_whose_input_changes_within_its_gaps_must_not_be_used():
+    t = np.arange(4000) * 0.02
+    u = np.repeat(np.random.default_rng(1).choice([20.0, 40.0, 60.0, 80.0, 100.0], 40), 100)
+    whole = log(t, u, REFERENCE_PLANT)
+    kept = (np.arange(4000) - 90) % 100 >= 20  # a gap at every change
+    holes = replace(whole, time_s=t[kept], input=u[kept], output=whole.output[kept])
+    assert "changes-in-gaps" in [one.code for one in fit_recorded([holes]).findings]
+    assert "changes-in-gaps" not in [one.code for one in fit_recorded([whole]).findings]

@@ -168,6 +168,10 @@ ROWS: dict[str, Row] = {
         refit="--repair",
     ),
     "gap": caution("gap of {gap_s:.4g} s in the record at {at_s:.6g} s (usual sample time {sample_s:.4g} s)", "gap_s"),
+    "changes-in-gaps": stop(
+        "{subject}: {count} changes of its input lie within gaps, nobody knows when: the times of its responses are "
+        "lost; record it without gaps"
+    ),
     "log-in-parts": caution(
         "{subject}: its input changed within a gap, nobody knows when: it counts as {parts} logs, each with its own "
         "start"
