@@ -31,12 +31,16 @@ def gains_of_runs(levels: Sequence[Level], curves: Sequence[Array]) -> LevelScat
     """How ln T_s of the runs of levels scatters where their time constants are known; `curves` (n,) are their own."""
     found = []
     for level, f in zip(levels, curves, strict=True):
-        square = float(f @ f) or 1.0
-        off = (level.runs - level.mean) @ f / square
+        square, off = float(f @ f) or 1.0, gain_shifts(level, f)
         left = level.runs - np.outer(1 + off, f)
         noise = bartlett_variance(level.time_s, (left * f).T / square).max(axis=0)
         found.append(RunStatistics(off[:, None], np.array([noise.mean()])))
     return pooled_scatter(found)
+
+
+def gain_shifts(level: Level, f: Array) -> Array:
+    """How far ln T_s of each run of a level lies off their mean, the time constants being those of its curve, (R,)."""
+    return np.asarray((level.runs - level.mean) @ f / (float(f @ f) or 1.0))
 
 
 def levels_about(Ts: Array, size: Array, D: Array, of_logs: Array) -> MixedLine:
@@ -61,15 +65,16 @@ def own_of_levels(
     return np.log(mean * size), t_quantile(degrees) * np.sqrt(variance), degrees
 
 
-def levels_scatter(line: MixedLine, u: Array, own: Array, curve: Array, levels_off: bool = False) -> list[Finding]:
-    """Where levels lie off their curve by more than their logs leave open; `own` and `curve` are ln T_s, (L,)."""
+def levels_scatter(line: MixedLine, u: Array, own: Array, curve: Array, by_curve: bool = False) -> list[Finding]:
+    """Where levels lie off their curve by more than their logs leave open, and whether that is `by_curve` and not by
+    the days of their records; `own` and `curve` are ln T_s, (L,)."""
     if line.gained < SCATTER_SEEN:
         return []
     off = own - curve
     i = int(np.abs(off).argmax())
     far = off[i] > FAR
     sizes = {"scatter_pct": 100 * float(np.sqrt(line.v[0])), "off_pct": None if far else 100 * float(np.expm1(off[i]))}
-    return [finding("levels-scatter", "nonlinear", (), worst=float(u[i]), levels_off=levels_off, **sizes)]
+    return [finding("levels-scatter", "nonlinear", (), worst=float(u[i]), by_curve=by_curve, **sizes)]
 
 
 def levelled_off(u: Array, own: Array, curve: Array, error: float | None, keeps: str = "levels") -> list[Finding]:

@@ -12,12 +12,12 @@ from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Beside, Run
 from eaid.plant.drive import ROW_NUMBER, Drive, moved_rows
 from eaid.steps.noise import sample_noise
+from eaid.steps.step import GAP_ROWS
 from eaid.steps.stepset import StepSet
 
 IDLE_ROWS = 10  # Fewest rows at rest before the first other one that make an idle start
 ROUNDED = 1e-8  # Steps of time that differ by less than this part are alike
-# Usual rows from which a stretch without any is a gap; parts that gaps make of a log at most, and rows of each at least
-GAP_ROWS, MOST_PARTS, PART_ROWS = 5.0, 8, 50
+MOST_PARTS, PART_ROWS = 8, 50  # Parts that gaps make of a log at most, and rows of each at least
 NOISY_REST = 5e-3  # An input below rest by this part of its largest, or …
 NOISY = 6.0  # … so many deviations of its noise …
 NOISY_REST_MOST = 0.05  # … up to this part, is a noisy rest, …

@@ -50,7 +50,8 @@ def starts_apart(scatter: Scatter) -> Starts | None:
     by_noise = float(chdtri(degrees, APART_CHANCE)) * noise / degrees
     if not by_noise < squares < np.inf or sd < max(LEAST_ROWS * row_s, LEAST_PART * tau1):
         return None
-    shifts, slow = shifts_about(shifts), max(curve.tau1 for curve in scatter.curves)
+    middle = float(np.mean(np.concatenate([*shifts.values()])))  # which is a dead time
+    shifts, slow = {u: own - middle for u, own in shifts.items()}, max(curve.tau1 for curve in scatter.curves)
     if any(float(np.abs(own).max()) > slow for own in shifts.values()):  # no step as long as that is straight
         return None
     known = [one for one in scatter.levels if one.level in shifts]
@@ -58,12 +59,6 @@ def starts_apart(scatter: Scatter) -> Starts | None:
     off_s, run = max(each, key=lambda one: abs(one[0]))
     told = finding("starts-apart", "data", ms=1e3 * sd, pct=100 * sd / tau1, run=run, off_ms=1e3 * float(off_s))
     return Starts(shifts, told)
-
-
-def shifts_about(shifts: dict[float, Array]) -> dict[float, Array]:
-    """The same about their mean, which is a dead time."""
-    middle = float(np.mean(np.concatenate([*shifts.values()])))
-    return {level: own - middle for level, own in shifts.items()}
 
 
 def in_step(stepset: StepSet, starts: Starts) -> StepSet:

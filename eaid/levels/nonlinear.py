@@ -180,7 +180,7 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
     found += (flat := levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread))
     if part.Ts_through or (line := estimate.levels_about_curve) is None:
         return found
-    return [*found, *levels_scatter(line, u, estimate.own_Ts[0], curve, levels_off=bool(flat))]
+    return [*found, *levels_scatter(line, u, estimate.own_Ts[0], curve, by_curve=bool(flat))]
 
 
 def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:

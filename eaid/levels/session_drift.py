@@ -14,7 +14,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import stdtr
 
-from eaid.arrays import Array, median
+from eaid.arrays import median
+from eaid.estimate.own_level import gain_shifts
 from eaid.estimate.scatter import Scatter
 from eaid.findings import Finding, finding
 from eaid.steps.stepset import RunRecord
@@ -35,9 +36,7 @@ def session_drift(scatter: Scatter, runs: Sequence[RunRecord]) -> list[Finding]:
     if len(order) < 2 or np.diff(order).min() < 0.5 * record_s:  # each log has a clock of its own
         return []
     t = np.concatenate([each - each.mean() for each in instants])
-    d = np.concatenate(
-        [_shifts(level.runs, J[:, 0]) for level, J in zip(scatter.levels, scatter.jacobians, strict=True)]
-    )
+    d = np.concatenate([gain_shifts(one, J[:, 0]) for one, J in zip(scatter.levels, scatter.jacobians, strict=True)])
     spare, size = len(t) - len(instants) - 1, float(t @ t)
     if spare < 1 or not size > 0:
         return []
@@ -50,8 +49,3 @@ def session_drift(scatter: Scatter, runs: Sequence[RunRecord]) -> list[Finding]:
     when = np.array([each.mean() for each in instants])
     ordered = len(when) > 2 and abs(float(np.corrcoef(when, scatter.duty)[0, 1])) > ONE_AFTER_ANOTHER
     return [finding("session-drifts", "data", (), pct=pct, chance=chance, ordered=bool(ordered))]
-
-
-def _shifts(runs: Array, f: Array) -> Array:
-    """How far ln T_s of each run lies off their mean, the time constants being those of all, (R,)."""
-    return np.asarray((runs - runs.mean(axis=0)) @ f / (float(f @ f) or 1.0))

@@ -125,8 +125,8 @@ def fit_steps(
         result = quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         of_logs = [asked_again(one, options) for one in stepset.all_findings]
-        of_logs, told_of = ([or_rest(one, result.release) for one in part] for part in (of_logs, result.findings))
         of_logs += [] if starts is None else [starts.told]
+        every = (*of_logs, *result.findings, *begin.findings, *of_shapes, *beyond_measure)
         return judged(
             msgspec.structs.replace(
                 result,
@@ -134,7 +134,7 @@ def fit_steps(
                 options=given(options, stepset),
                 seed=options.seed,
                 converged=converged(result),
-                findings=ranked((*of_logs, *told_of, *begin.findings, *of_shapes, *beyond_measure)),
+                findings=ranked(or_rest(one, result.release) for one in every),
             )
         )
 

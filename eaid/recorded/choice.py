@@ -57,7 +57,6 @@ from eaid.recorded.late import (
 from eaid.recorded.log_intervals import spread
 from eaid.results.recorded import FallTest, KindTried
 
-WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 BEYOND_REACHED = 3.0  # Times the output that was reached, beyond which no T_s is believed
 OPEN_TS = 0.2  # Relative half-width beyond which T_s is open
 LITTLE_PCT = 15.0  # Of a log that a kind has to explain

@@ -21,7 +21,7 @@ from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE
 from eaid.recorded.from_logs import Solved, ended_near, setup_of
 from eaid.recorded.kinds import independent_of
-from eaid.recorded.log_intervals import Spread, correlation_s, spread
+from eaid.recorded.log_intervals import Spread, effective_samples, spread
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
 LEAST_GAIN = 0.03  # Part by which a gain drifts over a log that is told
@@ -83,8 +83,7 @@ def _with_drift(solved: Solved) -> tuple[float, Array, bool]:
             saved[n] += float(r @ r) - float(after @ after)
         gains.append(float(step[0]))
         left += float(after @ after)
-        dt_s = float(drive.dt_s.sum()) / len(after)
-        independent += len(after) * dt_s / max(2 * correlation_s(after, dt_s), dt_s)
+        independent += effective_samples(after, float(drive.dt_s.sum()) / len(after))
     by_noise = float(chdtri(len(gains), SHARE_CHANCE)) * left / max(independent, 1.0)
     return left, np.array(gains), bool(saved[1] > max(saved[0], by_noise))
 

@@ -57,13 +57,15 @@ def tested(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[Fal
         if inputs.stepwise and model.slices[0].stop < len(inputs.levels) <= FEW_LEVELS and not model.signed:
             by_levels = through_levels(base, inputs.levels)
         whole = with_falls(by_levels, names)
-        judgements = _judged(whole, names)
-        own = ("rest",) if "rest" in names and _makes_surer(by_levels, whole) else ()
+        known = spread(whole)
+        judgements = _judged(whole, names, known)
+        own = ("rest",) if "rest" in names and _makes_surer(by_levels, whole, known) else ()
         if differing := tuple(name for name in names if judgements[name].differs or name in own):
-            known = by_levels is base and differing == names
-            base = whole if known else with_falls(base, differing)
-            if not known:
-                judgements |= _judged(base, differing)
+            if by_levels is base and differing == names:
+                base = whole
+            else:
+                base = with_falls(base, differing)
+                judgements |= _judged(base, differing, spread(base))
     rows = []
     for extra, numbers in FALL_NAMES.items():
         for k, name in enumerate(numbers[: len(judgements[extra].values)] if extra in judgements else ()):
@@ -104,18 +106,18 @@ def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
     return ended_near(replace(before, extras=extras), np.r_[x[: before.model.size], begin, own])
 
 
-def _makes_surer(base: Solved, whole: Solved) -> bool:
+def _makes_surer(base: Solved, whole: Solved, of_whole: Spread) -> bool:
     """Whether falls that go as the lowest input narrow what is known of its τ1 or τ2."""
     halves, low = [], np.array([base.setup.model.low])
-    for solved in (base, whole):
-        known, rows = spread(solved), solved.setup.slopes(low)[1 : 2 + (solved.setup.model.tau2 is not None), 0]
+    for solved, known in ((base, spread(base)), (whole, of_whole)):
+        rows = solved.setup.slopes(low)[1 : 2 + (solved.setup.model.tau2 is not None), 0]
         halves.append([known.of(row) for row in rows])
     tied, own = np.array(halves)
     return bool((tied < MAKES_SURER * own).any())
 
 
-def _judged(solved: Solved, names: tuple[str, ...]) -> dict[str, Judged]:
-    judgements, model, uncertainty = {}, solved.setup.model, spread(solved)
+def _judged(solved: Solved, names: tuple[str, ...], uncertainty: Spread) -> dict[str, Judged]:
+    judgements, model = {}, solved.setup.model
     for name in names:
         at, count = solved.setup.at(name), len(NO_EXTRAS[name]) if model.tau2 is not None else 1
         G = np.zeros((count, solved.setup.size))

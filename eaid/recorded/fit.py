@@ -236,9 +236,9 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     dead_s = statistics.median_low([one.dead_time_s for one in shapes if one.edge == "up"] or [0.0])
     fit = fit_recorded(stepset.recorded, options, stepset, rest, dead_time_s=dead_s)
     # what a whole log explains a step of it by itself, which begins on the tail of another, tells no better
-    whole = fit.plant_ is not None and all((log.fit_pct or 0.0) >= EXPLAINED_PCT for log in fit.logs)
-    another = fit.plant_ is not None and fit.plant_.another
-    of_shapes = () if whole or another else merged([one for shape in shapes for one in shape.findings])
+    explained = all((log.fit_pct or 0.0) >= EXPLAINED_PCT for log in fit.logs)
+    whole = fit.plant_ is not None and (explained or fit.plant_.another)
+    of_shapes = () if whole else merged([one for shape in shapes for one in shape.findings])
     findings = ranked((*stepset.all_findings, *fit.findings, *of_shapes))
     told = msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes)
     known = workflow.quotable(told)
@@ -326,10 +326,9 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     recorded, told = judged_on_logs(base, chosen, logs, others)
     findings += [*chosen.findings, *told]
     findings += [] if uncertainty is None else uncertainty.scatter.findings
-    open_ = [] if known is None else known.findings
-    if own is not None:  # which says it of T_s
-        open_ = [*own.wide, *(one for one in open_ if one.values["parameter"] != "Ts")] if known is not None else []
-    findings += open_
+    if known is not None:
+        of_curves = [one for one in known.findings if own is None or one.values["parameter"] != "Ts"]
+        findings += [*([] if own is None else own.wide), *of_curves]
     levels = inputs.levels if inputs.stepwise else np.zeros(0)
     data = data_of_logs([*logs, *others], experiment.runs, experiment.steps, levels)
     findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)

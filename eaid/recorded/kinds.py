@@ -27,7 +27,7 @@ from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
 from eaid.recorded.few_rows import MOVING_ROWS, Copies
 from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, ended_near, setup_of
-from eaid.recorded.log_intervals import correlation_s
+from eaid.recorded.log_intervals import effective_samples
 
 GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 18  # Of the grid
 LONGEST_DEAD_TIME = 0.2  # Part of the longest log that a dead time may take
@@ -283,7 +283,7 @@ def independent_of(solved: Solved) -> float:
     count = 0.0
     for r, drive in zip(solved.missed, solved.setup.drives, strict=True):
         dt_s = float(drive.dt_s.sum()) / max(len(r), 1)
-        count += len(r) * dt_s / max(2 * correlation_s(r, dt_s), dt_s)
+        count += effective_samples(r, dt_s)
     return max(count, 1.0)
 
 

@@ -23,7 +23,7 @@ from eaid.findings import Finding, finding
 from eaid.plant.sums import lagged, played, unforeseen
 from eaid.recorded.from_logs import Solved, plant_found
 from eaid.recorded.late import ORDER, autoregression
-from eaid.recorded.log_intervals import correlation_s
+from eaid.recorded.log_intervals import effective_samples
 
 Mask = NDArray[np.bool_]
 PLAYS = (0.1, 0.3, 0.6)  # Widths, in parts of the input's range
@@ -61,7 +61,7 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
     independent = 0.0
     for columns, dt_s in parts:
         left = columns[:, -1] - columns[:, moves] @ follows
-        independent += len(left) * dt_s / max(2 * correlation_s(left, dt_s), dt_s)
+        independent += effective_samples(left, dt_s)
 
     def share(of: Mask) -> float:  # beyond what noise would give
         if independent <= 2 * of.sum():
@@ -88,7 +88,7 @@ def column_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
     for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
         known, dt_s = np.isfinite(log.output), log.usual_s
-        chance = 2 * max(2 * correlation_s(r, dt_s), dt_s) / (len(r) * dt_s)
+        chance = 2 / effective_samples(r, dt_s)
         left, size = r - r.mean(), float(np.sum((y - y.mean()) ** 2))
         for label, values in log.others() if left @ left > LEFT_SEEN**2 * size else ():
             design = np.hstack([values[:, None], lagged(values[:, None], dt_s, max(tau_s, 1e-3 * dt_s))])[known]

@@ -190,6 +190,11 @@ def correlation_s(r: Array, dt_s: float) -> float:
     return float((0.5 + rho[1:end].sum() / rho[0]) * dt_s)
 
 
+def effective_samples(r: Array, dt_s: float) -> float:
+    """How many samples of residuals are worth one each."""
+    return len(r) * dt_s / max(2 * correlation_s(r, dt_s), dt_s)
+
+
 def engagements(drive: Drive) -> NDArray[np.intp]:
     """Number of the engagement that a row belongs to, (n,): each begins where the input leaves rest."""
     loaded = drive.duty[drive.which] != 0

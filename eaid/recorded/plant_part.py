@@ -18,6 +18,7 @@ from eaid.estimate.own_level import (
 )
 from eaid.estimate.spread import LevelScatter
 from eaid.findings import Finding, finding
+from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.recorded.curve_intervals import LIMITS_PCT
 from eaid.recorded.from_logs import Solved, plant_found, through_levels
 from eaid.recorded.inputs import FEW_LEVELS, Excited
@@ -28,7 +29,6 @@ from eaid.results.plant import LAGS, FittedPlant, PlantIntervals, number
 from eaid.results.recorded import KindTried
 from eaid.steps.stepset import Level
 
-LEVELS_TO_SPARE = 2  # Levels beyond the coefficients of T_s(u) from which one is told from the curve
 LEAST_SIZE = 0.02  # Of the largest T_s, in whose parts one that is next to 0 by the curve is counted
 MAY_BE_0 = 0.7  # Half-width of the logarithm beyond which a level's interval is that of its value
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
@@ -82,7 +82,7 @@ def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Se
     own, half, _ = own_of_levels(line, size, degrees, gains)
     curve, error = np.log(size), float(np.sqrt(np.median(np.diag(covariance))))
     flat = levelled_off(u, np.log(Ts), curve, error, "levels" if levels else "duty")
-    told = [*flat, *levels_scatter(line, u, own, curve, levels_off=bool(flat) or not levels)]
+    told = [*flat, *levels_scatter(line, u, own, curve, by_curve=bool(flat) or not levels)]
     found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told)
     if still := [level for level, (_, high) in zip(u.tolist(), found.ends, strict=True) if high <= AT_REST * Ts.max()]:
         told.append(msgspec.structs.replace(finding("output-stays-at-rest", "nonlinear", still), severity="caution"))

@@ -61,7 +61,7 @@ class FittedPlant(Result, frozen=True):
     Ts_through: tuple[tuple[Number, Number], ...] = ()
     """Inputs and values that T_s(u) goes through in place of `Ts` (`--curve levels`); empty: it is the polynomial."""
     Ts_levels: tuple[tuple[Number, Number], ...] = ()
-    """Of another kind from steps the levels, and T_s of each, its own about the curve; empty: the curve's."""
+    """Of another kind than the clutch's the levels, and T_s of each, its own about the curve; empty: the curve's."""
     dead_time_s: Annotated[float, msgspec.Meta(ge=0, le=1e60)] = 0.0
     idle: Number = 0.0
     """Output at rest."""

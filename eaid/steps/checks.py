@@ -30,7 +30,7 @@ from eaid.steps.noise import (
 )
 from eaid.steps.plateaus import BACK, FEWEST_HELD, GLITCH, tolerance, turns
 from eaid.steps.repeats import copied_block
-from eaid.steps.step import Step, left_pct, usual_step
+from eaid.steps.step import GAP_ROWS, Step, left_pct, usual_step
 from eaid.steps.stepset import Level
 
 SETTLING_ROWS = 20  # Rows before one value, and after it, that tell whether an output came to rest there
@@ -241,9 +241,9 @@ def _contradiction(step: Step) -> Finding | None:
 def _gap(step: Step) -> Finding | None:
     every = np.diff(step.run.time_s)
     at = int(every.argmax()) if len(every) else 0
-    if not len(every) or every[at] <= 5 * step.usual_s:
+    if not len(every) or every[at] <= GAP_ROWS * step.usual_s:
         return None
-    more = int((every > 5 * step.usual_s).sum()) - 1
+    more = int((every > GAP_ROWS * step.usual_s).sum()) - 1
     values: dict[str, Value] = {"gap_s": float(every[at]), "at_s": float(step.run.time_s[at])}
     values |= {"sample_s": step.usual_s} | ({"others": more} if more else {})
     return finding("gap", step.run.name, (), **values)
@@ -255,7 +255,7 @@ def _gap_at_step(step: Step) -> Finding | None:
         return None
     gap = float(step.run.time_s[step.start] - step.run.time_s[step.start - 1])
     first = abs(float(step.rise[0]) - (step.before if step.run.edge == "falling" and step.before else 0.0))
-    if gap <= 5 * step.usual_s or first <= max(MOVED * step.swing, STANDARD_ERRORS * sample_noise(step.rise)):
+    if gap <= GAP_ROWS * step.usual_s or first <= max(MOVED * step.swing, STANDARD_ERRORS * sample_noise(step.rise)):
         return None
     at = float(step.run.time_s[step.start - 1])
     return finding("step-in-gap", step.run.name, gap_s=gap, at_s=at, moved_pct=100 * first / step.swing)

@@ -16,6 +16,7 @@ from eaid.logs.run import Run
 from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line
 
 SAME_INSTANT = 2e-3  # Share of the sample time within which instants count as equal: the rounding of written times
+GAP_ROWS = 5.0  # Usual rows from which a stretch without any is a gap
 OVER = 0.05  # Share by which a peak has to exceed the level after it to be a slip
 PEAK_PART = 50  # A peak is looked for on means over this part of the record
 

@@ -248,5 +248,7 @@ def written(value: Any) -> str:
 
 
 if __name__ == "__main__":
+    if set(sys.argv[1:]) - {"shipped", "rigs", "loosen"}:
+        sys.exit(__doc__)
     for _group in {"shipped", "rigs"}.intersection(sys.argv) or ("shipped", "rigs"):
         keep(_group, loosened if "loosen" in sys.argv else sorted_in)

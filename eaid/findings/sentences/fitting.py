@@ -319,7 +319,7 @@ ROWS: dict[str, Row] = {
             + ("far" if v["off_pct"] is None else f"{v['off_pct']:+.2g} %")
             + (
                 " off; «curve» levels takes T_s through them"
-                if v.get("levels_off")
+                if v.get("by_curve")
                 else " off; were they recorded on other days, or is T_s no cubic? «curve» levels takes it through them"
             )
         ),
