@@ -1,9 +1,9 @@
 """`compare`: what moved between sessions, whether alike at all levels, and whether gains have to be made anew.
 
-Of levels that both sessions hold, δ = ln θ_A − ln θ_B with the covariance V = W_A + W_B: that of T_s has a diagonal
-alone, while levels that share the p coefficients of a τ(u) are off together. The common shift is m = w'δ, w as the
-diagonal of V weighs, with the variance w'Vw, held against Student's t; Q = (δ − m)' K⁺ (δ − m), K what V leaves of the
-distances to m, over its p − 1 (L − 1) degrees of freedom against F tells whether all levels moved alike. Degrees of
+Of levels that both sessions hold, δ = ln θ_A − ln θ_B with the covariance V = W_A + W_B: levels that share the p
+coefficients of a curve are off together. The common shift is m = w'δ, w as the diagonal of V weighs, with the variance
+w'Vw, held against Student's t; Q = (δ − m)' K⁺ (δ − m), K what V leaves of the distances to m (of T_s its diagonal, as
+each level has its own), over its p − 1 (L − 1) degrees of freedom against F tells whether all moved alike. Degrees of
 freedom are Welch's of each level, averaged as the levels weigh. Of several numbers and sessions the probabilities are
 Holm's.
 """
@@ -19,6 +19,7 @@ from scipy.special import fdtrc, stdtrit
 from eaid.arrays import Array
 from eaid.control.gains import refuse_other_units
 from eaid.errors import DataError, in_python
+from eaid.estimate.coefficients import CURVES_ORDER
 from eaid.findings import sentences
 from eaid.findings.row import SYMBOLS
 from eaid.options import CompareOptions
@@ -204,30 +205,31 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     welch = np.minimum(own**2 / (one_of[1] ** 2 / one_of[2] + other_of[1] ** 2 / other_of[2]), MANY)
     weight = (1 / own) / (1 / own).sum()
     spreads = [_spread(fit, quantity, [of[u] for u in levels]) for fit, of in ((one, a), (other, b))]
-    V, spare = spreads[0][0] + spreads[1][0], max(rank for _, rank in spreads) - 1
+    V, apart, spare = spreads[0][0] + spreads[1][0], spreads[0][1] + spreads[1][1], max(one[2] for one in spreads) - 1
     m, error, degrees = float(weight @ delta), float(np.sqrt(weight @ V @ weight)), float(weight @ welch)
-    Q = _unlike(delta - m, V, weight, spare)
+    Q = _unlike(delta - m, apart, weight, spare)
     reach = stdtrit(welch, 0.975) * np.sqrt(own)
     rows = zip(levels, *np.exp([delta, delta - reach, delta + reach]).tolist(), strict=True)
     ratio, low, high = np.exp(m + np.array([0.0, -1.0, 1.0]) * stdtrit(degrees, 0.975) * error).tolist()
-    alike = float(fdtrc(spare, degrees, Q / spare)) if spare else None
+    alike = float(fdtrc(spare, float(welch.min()), Q / spare)) if spare else None
     p = two_sided(m / error, degrees)
     return Shift(quantity, letter, ratio, low, high, p, alike, degrees, tuple(Change(*row) for row in rows))
 
 
-def _spread(fit: Fit, quantity: str, values: Sequence[Value]) -> tuple[Array, int]:
-    """Covariance of a session's values, (L, L), and how many numbers they follow from: those of τ1(u) and τ2(u) from
-    the coefficients of the curve."""
+def _spread(fit: Fit, quantity: str, values: Sequence[Value]) -> tuple[Array, Array, int]:
+    """Covariance of a session's values, that of their distances to their mean, (L, L) each, and how many numbers these
+    follow from: τ1(u) and τ2(u) have their coefficients, each level a T_s of its own, though all rest on the same τ."""
     sd, part = np.array([one.sd_log for one in values]), fit.nonlinear
-    known = None if part is None else part.covariance
-    if quantity not in ("tau1", "tau2") or part is None or known is None or not known.matrix:
-        return np.diag(sd**2), len(values)
+    alone, known = np.diag(sd**2), None if part is None else part.covariance
+    if quantity not in CURVES_ORDER or part is None or known is None or not known.matrix:
+        return alone, alone, len(values)
     at = [k for k, name in enumerate(known.order) if name.startswith(quantity)]
     rows = terms(np.array([one.level for one in values]), len(at), part.parameters.u_range)
     rows = rows / np.array([[one.value] for one in values])
     of_curve = rows @ np.array(known.matrix)[np.ix_(at, at)] @ rows.T
     size = np.sqrt(np.maximum(np.diag(of_curve), 1e-300))
-    return of_curve * np.outer(sd / size, sd / size), min(len(values), len(at))
+    together = of_curve * np.outer(sd / size, sd / size)
+    return (together, alone, len(values)) if quantity == "Ts" else (together, together, min(len(values), len(at)))
 
 
 def _unlike(off: Array, V: Array, weight: Array, spare: int) -> float:

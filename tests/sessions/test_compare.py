@@ -54,14 +54,27 @@ def test_shift_and_test_of_likeness_are_those_of_scipy(fits):
     def variance(row):
         return (np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) / 2 / stats.t.ppf(0.975, row.ci95.dof["Ts"])) ** 2
 
+    def common(fit, rows):
+        """How T_s of levels go together: as those of one curve do."""
+        known, u = fit.nonlinear.covariance, np.array([row.level for row in rows]) / 100
+        at = [k for k, name in enumerate(known.order) if name.startswith("Ts")]
+        powers = u[:, None] ** np.arange(len(at)) / np.array([[row.Ts] for row in rows])
+        of_curve = powers @ np.array(known.matrix)[np.ix_(at, at)] @ powers.T
+        sd = np.sqrt([variance(row) for row in rows]) / np.sqrt(np.diag(of_curve))
+        return of_curve * np.outer(sd, sd)
+
     delta = np.array([np.log(x.Ts / y.Ts) for x, y in rows])
     V = np.array([variance(x) + variance(y) for x, y in rows])
-    mean = np.average(delta, weights=1 / V)
+    weight = 1 / V / (1 / V).sum()
+    mean = float(weight @ delta)
     assert shift.ratio == pytest.approx(np.exp(mean))
-    t = abs(mean) * np.sqrt((1 / V).sum())
-    assert 2 * stats.t.sf(t, shift.dof) <= shift.p * (1 + 1e-9)
-    alone = stats.t.ppf(0.975, shift.dof) / np.sqrt((1 / V).sum())
-    assert (shift.low, shift.high) == pytest.approx((np.exp(mean - alone), np.exp(mean + alone)))
+    error = np.sqrt(
+        weight @ sum(common(fit, of) for fit, of in zip((a, b), zip(*rows, strict=True), strict=True)) @ weight
+    )
+    assert error > 1.05 / np.sqrt((1 / V).sum())  # what all levels owe to the same τ2
+    assert 2 * stats.t.sf(abs(mean) / error, shift.dof) <= shift.p * (1 + 1e-9)
+    reach = stats.t.ppf(0.975, shift.dof) * error
+    assert (shift.low, shift.high) == pytest.approx((np.exp(mean - reach), np.exp(mean + reach)))
     Q = ((delta - mean) ** 2 / V).sum() / (len(delta) - 1)
     assert shift.p_alike >= stats.f.sf(Q, len(delta) - 1, shift.dof) * (1 - 1e-9)
 
@@ -83,9 +96,10 @@ def test_levels_on_one_curve_are_off_together(fits):
     one = fits["s0"]
     for name, rank in (("Ts", len(one.data.levels)), ("tau1", min(3, len(one.data.levels)))):
         values = values_of(one, name, "A")
-        covariance, known = _spread(one, name, values)
-        assert known == rank == np.linalg.matrix_rank(covariance, tol=1e-9 * covariance.max())
-        assert np.sqrt(np.diag(covariance)) == pytest.approx([each.sd_log for each in values])
+        covariance, apart, known = _spread(one, name, values)
+        assert known == rank == np.linalg.matrix_rank(apart, tol=1e-9 * apart.max())
+        for each in (covariance, apart):
+            assert np.sqrt(np.diag(each)) == pytest.approx([one.sd_log for one in values])
     rng, part, weight = np.random.default_rng(0), one.nonlinear, np.full(len(values), 1 / len(values))
     at = [k for k, name in enumerate(part.covariance.order) if name.startswith("tau1")]
     matrix = np.array(part.covariance.matrix)[np.ix_(at, at)]
