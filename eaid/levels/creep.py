@@ -16,7 +16,8 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.estimate.data import Data, data_of
-from eaid.estimate.spread import free_inverse, t_quantile
+from eaid.estimate.scatter import alike_by_noise, log_jacobian, pooled_scatter, run_residuals, run_statistics
+from eaid.estimate.spread import Influence, free_inverse, t_quantile
 from eaid.levels.certainty import Estimate
 from eaid.levels.from_steps import fit_levels_first
 from eaid.plant.dynamics import Step
@@ -109,26 +110,26 @@ def _solved(levels: Sequence[Level], t0: float, share: float | None, idle: float
     framed = np.pad(costs, 1, constant_values=np.inf)
     minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
     found = [_ended(levels, data, t0, tried[k], ends[k].x, share) for k in minima[np.argsort(costs[minima])][:BEGUN]]
-    rate, near, errors = min(found, key=lambda one: float(weight @ one[1].solved.at.cost))
-    degrees = float(sum(len(level.runs) - 1 for level in levels)) or float(len(levels) - len(near.solved.x) - 1)
-    C = Number(float(near.solved.x[-1]), float(errors[-2]), degrees) if share is None else Number(share, 0.0, degrees)
-    return C, Number(rate, float(errors[-1]), degrees), float(weight @ near.solved.at.cost)
+    rate, near, (errors, degrees) = min(found, key=lambda one: float(weight @ one[1].solved.at.cost))
+    of_C, of_rate = zip(errors.tolist(), degrees.tolist(), strict=True)
+    C = Number(float(near.solved.x[-1]), *of_C) if share is None else Number(share, 0.0, of_C[1])
+    return C, Number(rate, *of_rate), float(weight @ near.solved.at.cost)
 
 
 def _ended(
     levels: Sequence[Level], data: Data, t0: float, rate: float, x: Array, share: float | None
-) -> tuple[float, Estimate, Array]:
-    """The rate next to one, the estimate without it, and the standard errors of all unknowns."""
+) -> tuple[float, Estimate, tuple[Array, Array]]:
+    """The rate next to one, the estimate without it, and how sure C and the rate are."""
     for _ in range(ROUNDS):
         moved = without(data, rate, t0)
         near = Estimate(levels, fit_levels_first(moved, share, [x]))
         x, columns = near.solved.x, _columns(near, t0)
         score, back = _about(near, moved, columns)
-        step, errors = float(back[-1] @ score.sum(axis=0)), _errors(near, back, columns, score)
-        if abs(step) <= SETTLED * errors[-1]:
+        step, known = float(back[-1] @ score.sum(axis=0)), _errors(near, back, columns, score)
+        if abs(step) <= SETTLED * known[0][-1]:
             break
         rate -= step
-    return rate, near, errors
+    return rate, near, known
 
 
 def without(data: Data, rate: float, t0: float) -> Data:
@@ -162,15 +163,23 @@ def _about(near: Estimate, data: Data, columns: Sequence[Array]) -> tuple[Array,
     return score, free_inverse(np.asarray(curvature), held)
 
 
-def _errors(near: Estimate, back: Array, columns: Sequence[Array], score: Array) -> Array:
-    """Standard errors of all unknowns by how the runs of the levels scatter, (L + p + 1,); of levels of a single run by
-    how far each of these pulls them."""
-    variance, count = np.zeros(len(back)), len(near.levels)
+def _errors(near: Estimate, back: Array, columns: Sequence[Array], score: Array) -> tuple[Array, Array]:
+    """Standard errors of C and of the rate, and their degrees of freedom, (2,) each: by how the levels' own estimates
+    scatter, a creep of each among them; of levels of a single run by how far each of these pulls them."""
+    asked, count = np.eye(len(back))[-2:], len(near.levels)
     if all(len(level.runs) == 1 for level in near.levels):
         shared = max(count - len(near.solved.x) - 1, 1)
-        return np.asarray(np.sqrt(((score @ back) ** 2).sum(axis=0) * count / shared))
-    for level, J, w in zip(near.levels, columns, near.solved.steps.weight, strict=True):
-        if (runs := len(level.runs)) > 1:
-            moved = (level.runs - level.mean) @ (w * J) @ back
-            variance += (moved**2).sum(axis=0) / (runs * (runs - 1))
-    return np.sqrt(variance)
+        pulled = ((score @ back @ asked.T) ** 2).sum(axis=0) * count / shared
+        return np.sqrt(pulled), np.full(2, float(shared))
+    along, own, statistics = [], [], []
+    for level, curve, J, w in zip(near.levels, near.scatter.curves, columns, near.solved.steps.weight, strict=True):
+        creep = J[:, -1:] * curve.Ts / float(level.time_s[-1])
+        own.append(np.hstack([log_jacobian(curve, level.time_s, near.model.free_share), creep]))
+        along.append(w * own[-1].T @ J)
+        statistics.append(run_statistics(level, run_residuals(level.runs, own[-1][:, 0], own[-1]), own[-1]))
+    pooled = pooled_scatter(statistics)
+    every = np.broadcast_to(pooled.degrees / pooled.degrees.sum(), pooled.mixed.shape)  # one number of all levels
+    pooled = replace(pooled, alike=alike_by_noise(statistics, own, pooled), mixed=every)
+    answers = Influence(np.array(along) @ back, pooled, np.zeros((0, len(back))), 0.0)
+    variance, degrees = answers.of(asked).variance()
+    return np.sqrt(variance), degrees

@@ -47,6 +47,7 @@ from eaid.steps.stepset import Level, StepSet
 
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
+WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike")  # Findings that no creep leaves behind it
 NO_STEP = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
 SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
 LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
@@ -154,7 +155,7 @@ def _with_what_is_beside(
     free, creep = besides(behind, share, SHARE)
     if creep is None and (decays or not free):
         return recorded, result
-    told = list[Finding]()
+    told, without = list[Finding](), (recorded, result)
     if creep is not None:
         recorded, behind = (
             replace(one.without_creep(creep.rate, creep.t0_s), creep=creep) for one in (recorded, behind)
@@ -162,6 +163,8 @@ def _with_what_is_beside(
         low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
         told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
     result, _ = _fit_levels(behind, replace(options, share="free") if free else options, progress)
+    if creep is not None and any(one.code in WRONG_FORM for one in result.findings):
+        return without  # it is of the form that is wrong, as that of a plant which rings
     if free and result.nonlinear is not None:
         C, known = result.nonlinear.C, result.nonlinear.ci95
         low, high = (known and known.C) or (C, C)
