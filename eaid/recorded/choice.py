@@ -19,7 +19,7 @@ from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.creep import LEAST_GAIN, by_noise, creeping, drifting, sure, with_creeps
 from eaid.recorded.curve_intervals import curves
-from eaid.recorded.fall_tests import seen, tested, with_falls
+from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, seen, tested, with_falls
 from eaid.recorded.from_logs import (
     Setup,
     Solved,
@@ -54,6 +54,7 @@ from eaid.recorded.late import (
     moved_cost,
     timed,
 )
+from eaid.recorded.left_over import drift_findings
 from eaid.recorded.log_intervals import spread
 from eaid.results.recorded import FallTest, KindTried
 
@@ -97,8 +98,9 @@ class Chosen:
 
     @property
     def fell(self) -> tuple[str, ...]:
-        """What falls have of their own, as extras of the fit."""
-        return tuple(name for name in self.solved.fitted.extras if name != "dead")
+        """What falls have that differs from rises, as extras of the fit."""
+        differ = {one.name for one in self.falls if one.fitted and one.chance < FALL_CHANCE}
+        return tuple(name for name in self.solved.fitted.extras if FALL_NAMES.get(name, ("",))[0] in differ)
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,8 +187,8 @@ def taken(searched: Searched, wanted: str = "") -> Chosen:
         raise DataError(*(integrator(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
     signed = searched.search.signed
-    falls = bool((plant_found(best.solved).curve(inputs.shown) < 0).all())
-    if falls and not (signed or of_loops) and (kinds[0].fit_pct or 0.0) > LITTLE_PCT:
+    falls = bool((plant_found(best.solved).curve(inputs.shown) < 0).all()) and not (signed or of_loops)
+    if falls and (kinds[0].fit_pct or 0.0) > LITTLE_PCT and not drift_findings(best.solved, logs):
         raise DataError(*(turned_round(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds, searched=searched)

@@ -59,7 +59,8 @@ def tested(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[Fal
         whole = with_falls(by_levels, names)
         known = spread(whole)
         judgements = _judged(whole, names, known)
-        own = ("rest",) if "rest" in names and _makes_surer(by_levels, whole, known) else ()
+        of_input = "rest" in names and model.tau1.size > 1  # lags that are constant have no lowest input of their own
+        own = ("rest",) if of_input and _makes_surer(by_levels, whole, known) else ()
         if differing := tuple(name for name in names if judgements[name].differs or name in own):
             if by_levels is base and differing == names:
                 base = whole
