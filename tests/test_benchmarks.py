@@ -85,7 +85,8 @@ def test_a_stranger(name: str, word: str, tmp_path: Path) -> None:
     if word == "right":
         u, t, y = made.truth
         assert strangers.judged(replace(made, truth=(u, t, 1.1 * y)), code, text, out)[0] == "WRONG"
-        assert re.search("tune-rc 0, simulate --log 0 9[0-9].* %", strangers.downstream(log, out))
+        # a lag that goes as 1/u is no quadratic, which is told: its lowest level, the first log, is missed by 3 %
+        assert re.search("tune-rc 0, simulate --log 0 (8[7-9]|9[0-9]).* %", strangers.downstream(log, out))
 
 
 def test_an_unknown_row_is_named_and_a_number_may_be_left_out() -> None:

@@ -65,16 +65,19 @@ def own_of_levels(
     return np.log(mean * size), t_quantile(degrees) * np.sqrt(variance), degrees
 
 
-def levels_scatter(line: MixedLine, u: Array, own: Array, curve: Array, by_curve: bool = False) -> list[Finding]:
+def levels_scatter(
+    line: MixedLine, u: Array, own: Array, curve: Array, by_curve: bool = False, parameter: str = "Ts"
+) -> list[Finding]:
     """Where levels lie off their curve by more than their logs leave open, and whether that is `by_curve` and not by
-    the days of their records; `own` and `curve` are ln T_s, (L,)."""
+    the days of their records; `own` and `curve` are ln T_s, or ln of another `parameter`, (L,)."""
     if line.gained < SCATTER_SEEN:
         return []
     off = own - curve
     i = int(np.abs(off).argmax())
     far = off[i] > FAR
     sizes = {"scatter_pct": 100 * float(np.sqrt(line.v[0])), "off_pct": None if far else 100 * float(np.expm1(off[i]))}
-    return [finding("levels-scatter", "nonlinear", (), worst=float(u[i]), by_curve=by_curve, **sizes)]
+    said: dict[str, Value] = {"worst": float(u[i]), "by_curve": by_curve, "parameter": parameter}
+    return [finding("levels-scatter", "nonlinear", (), **said, **sizes)]
 
 
 def levelled_off(u: Array, own: Array, curve: Array, error: float | None, keeps: str = "levels") -> list[Finding]:

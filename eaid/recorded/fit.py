@@ -38,7 +38,7 @@ from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, input_findings, over, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, with_runs
-from eaid.recorded.plant_part import LevelsOwn, intervals, levels_own, plant_part
+from eaid.recorded.plant_part import LevelsOwn, intervals, lags_off, levels_own, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -320,6 +320,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     own = levels_own(base, spreads, inputs, experiment.repeats)
     uncertainty = None if options.ci == "none" else spreads
     findings += [] if own is None else own.told
+    findings += lags_off(base, inputs, experiment.repeats) if spreads is not None else []
     known = None
     if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):
         known = curves(base, uncertainty, inputs.shown)

@@ -16,11 +16,13 @@ from eaid.estimate.own_level import (
     levels_scatter,
     own_of_levels,
 )
+from eaid.estimate.scatter import pooled_scatter, run_residuals, run_statistics
 from eaid.estimate.spread import LevelScatter
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import LEVELS_TO_SPARE
+from eaid.plant.forms import PerLevel
 from eaid.recorded.curve_intervals import LIMITS_PCT
-from eaid.recorded.from_logs import Solved, plant_found, through_levels
+from eaid.recorded.from_logs import Solved, ended_near, plant_found, through_levels
 from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
@@ -31,6 +33,7 @@ from eaid.steps.stepset import Level
 
 LEAST_SIZE = 0.02  # Of the largest T_s, in whose parts one that is next to 0 by the curve is counted
 MAY_BE_0 = 0.7  # Half-width of the logarithm beyond which a level's interval is that of its value
+LAG_OFF = 0.08  # Of ln τ, from which a lag is told to lie off its curve: that of one run scatters by 5 %
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 
 
@@ -117,6 +120,45 @@ def _by_logs(solved: Solved, u: Array) -> ByThemselves | None:
     of, Ts = spread(found), found.x[: len(u)]
     degrees = min(of.variance(row)[1] for row in np.eye(len(u), len(found.x)))
     return Ts, of.covariance[: len(u), : len(u)] / np.outer(Ts, Ts), degrees, None
+
+
+def lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[Finding]:
+    """Said where the one lag of held levels lies off its curve by more than the logs, or the runs of levels, leave
+    open: each level's τ, and T_s, is an unknown in place of the curves' coefficients."""
+    setup, model, part = solved.fitted, solved.fitted.model, solved.fitted.model.slices[1]
+    u = np.array([level.level for level in levels]) if levels else inputs.levels
+    held = inputs.stepwise and part.stop - part.start + LEVELS_TO_SPARE <= len(u) <= FEW_LEVELS
+    if model.kind != "lag" or model.signed or not held:
+        return []
+    curve, each = solved.curves(u), PerLevel(tuple(u.tolist()))
+    begin = np.r_[curve.steady, curve.tau1, solved.x[part.stop :]]
+    found = ended_near(replace(setup, model=replace(model, Ts=each, tau1=each)), begin)
+    tau = found.x[len(u) : 2 * len(u)]
+    if not found.solver.converged or (tau <= 0).any():
+        return []
+    if max((len(level.runs) for level in levels), default=0) > 1:
+        covariance, degrees = _lags_by_runs(found, levels)
+    else:
+        rows, of = np.eye(len(found.x))[len(u) : 2 * len(u)], spread(found)
+        covariance = rows @ of.covariance @ rows.T / np.outer(tau, tau)
+        degrees = min(of.variance(row)[1] for row in rows)
+    line = levels_about(tau, curve.tau1, setup.slopes(u)[1][:, part], covariance)
+    own, _, _ = own_of_levels(line, curve.tau1, degrees)
+    if np.abs(own - np.log(curve.tau1)).max() < LAG_OFF:
+        return []
+    return levels_scatter(line, u, own, np.log(curve.tau1), by_curve=True, parameter="tau1")
+
+
+def _lags_by_runs(found: Solved, levels: Sequence[Level]) -> tuple[Array, float]:
+    """Covariance of ln τ of levels by themselves, as those of their runs scatter, and its degrees of freedom."""
+    statistics, count = [], len(levels)
+    for k, level in enumerate(levels):
+        J, root = found.setup.jacobian(found.x, k)[0], np.sqrt(float(found.setup.drives[k].w.max()))
+        own = J[:, [k, count + k]] * found.x[[k, count + k]] / root  # by ln T_s and ln τ
+        curve = found.outputs[k] + found.missed[k]
+        statistics.append(run_statistics(level, run_residuals(level.runs, curve, own), own))
+    pooled = pooled_scatter(statistics)
+    return np.diag(pooled.expected[:, 1]), float(pooled.degrees.sum())
 
 
 def plant_part(

@@ -314,11 +314,13 @@ ROWS: dict[str, Row] = {
     ),
     "levels-scatter": caution(
         lambda v: (
-            f"levels scatter by {v['scatter_pct']:.2g} % about the curve, more than their logs leave open: "
-            f"{v['worst']:g} lies "
+            f"{'' if v.get('parameter', 'Ts') == 'Ts' else SYMBOLS[v['parameter']] + ' of '}levels scatter by "
+            f"{v['scatter_pct']:.2g} % about the curve, more than their logs leave open: {v['worst']:g} lies "
             + ("far" if v["off_pct"] is None else f"{v['off_pct']:+.2g} %")
             + (
-                " off; «curve» levels takes T_s through them"
+                " off; no quadratic follows it: fit the levels that you use alone"
+                if v.get("parameter", "Ts") != "Ts"
+                else " off; «curve» levels takes T_s through them"
                 if v.get("by_curve")
                 else " off; were they recorded on other days, or is T_s no cubic? «curve» levels takes it through them"
             )

@@ -259,7 +259,7 @@ def next_steps(results: Results) -> list[tuple[str, str]]:
     )
     if planned and (fit.result.nonlinear is not None or fit.result.friction_levels):
         logs = ["--excitation"] if fit.result.recorded is not None else []
-        why = "Plan what to record next: inputs, holds and repeats for narrower intervals"
+        why = "Plan the next recordings, for narrower intervals"
         steps.append((why, _line("plan", fit, *logs, "-o", _unused(fit, "plan.csv"))))
     if given is not None and "rise-of-the-rig" not in told and (laws := offered(given.result, fit.result)) != ():
         without = "" if given.result.guarantee else ", without a guarantee"

@@ -80,7 +80,7 @@ def guarantee_story(gains: Gains) -> list[str]:
 
 # Row of the comparison → how it is called
 COMPARED_ROWS = {
-    "rc": "RC", "equal_pi_feedforward": "PI of RC's margins, with RC's feedforward", "equal_pi": "PI of RC's margins",
+    "rc": "RC", "equal_pi_feedforward": "PI of RC's margins and feedforward", "equal_pi": "PI of RC's margins",
     "pi": "PI, designed", "paper_pi": "the paper's PI",
 }  # fmt: skip
 
