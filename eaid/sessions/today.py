@@ -62,7 +62,13 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     if not len(steps["Ts"].y):
         raise DataError("no reference step has a T_s above 0; record one whose output rises")
     rows = base.level_values
-    levels = np.array([row.level for row in rows])
+    levels, model = np.array([row.level for row in rows]), rig.main.model(rig.names)
+    if not np.isin(model.part_at(steps["Ts"].level), model.part_at(levels)).any():
+        held, unit = ", ".join(f"{u:.4g}" for u in levels.tolist()), rig.input_unit
+        raise DataError(
+            f"no reference step is at a level that shares a session with those of the rig's plant ({held} {unit}), and "
+            "another tells nothing of them; record one there"
+        )
     foreseen = {
         name: rig.foreseen(np.ones(1) if name == "a0" else levels, steps[name], name) for name in rig.quantities
     }

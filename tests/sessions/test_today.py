@@ -7,6 +7,7 @@ import pytest
 
 import eaid
 from eaid.estimate.draw import draw
+from eaid.plant.dynamics import REFERENCE_PLANT
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,24 @@ def test_what_is_foreseen_is_not_compared_as_if_it_had_been_seen(today, fits):
     assert held.low < held.ratio < held.high and held.ratio == pytest.approx(shift.ratio, rel=0.1)
     assert [one.level for one in shift.levels] == [60.0] and shift.p_alike is None
     assert shift.dof < 1e3 and "seen at 60 only" in shift.words()
+
+
+def test_where_levels_and_sessions_are_confounded_a_step_tells_of_its_own_levels_only(make):
+    rng, fits = np.random.default_rng(5), {}
+    for k in range(6):
+        levels = (20.0, 40.0, 60.0) if k % 2 else (80.0, 90.0, 100.0)
+        fits[f"s{k}"] = eaid.fit(make(80 + k, *rng.normal(0, (0.3, 0.1)), levels=levels))
+    rig = eaid.sessions(fits)
+    today = eaid.today(rig, eaid.read(make(99, 0.5, 0.0, levels=(40.0,), repeats=1)))
+    assert [row.level for row in today.level_values] == [20.0, 40.0, 60.0] and today.verdict.usable
+    assert "levels-and-sessions-confounded" in {one.code for one in today.findings}
+    before = rig.next([20.0, 40.0, 60.0])
+    for row in today.level_values:
+        low, high = row.ci95.Ts
+        assert low < np.exp(0.5) * REFERENCE_PLANT.steady(row.level) < high
+        assert high / low < 0.8 * before.loc[row.level, "high"] / before.loc[row.level, "low"]
+    with pytest.raises(eaid.DataError, match=r"shares a session with those of the rig's plant \(20, 40, 60 %\)"):
+        eaid.today(rig, eaid.read(make(99, 0.5, 0.0, levels=(90.0,), repeats=1)))
 
 
 def test_its_plant_goes_through_its_levels_and_drawn_ones_spread_as_they_do(today):
