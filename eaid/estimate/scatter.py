@@ -23,7 +23,7 @@ from scipy.special import fdtrc
 
 from eaid.arrays import Array, inverse, median
 from eaid.estimate.forms import RECORDS, RECORDS_FREE
-from eaid.estimate.spread import LevelScatter
+from eaid.estimate.spread import FEW_DEGREES, LevelScatter
 from eaid.plant.dynamics import TAU_FLOOR_S, Step
 from eaid.plant.steps import step_slopes
 from eaid.results.models import Noise
@@ -41,7 +41,6 @@ LIKE_S = (5.0, 60.0)  # Length of the records that these windows are for [s]
 BINS_PER_WINDOW = 10
 TERMS = {"Ts": 4, "tau1": 3, "tau2": 3}  # Terms of the paper's polynomials, Eqs. (5)–(7)
 SPARE_LEVELS = 4  # Levels beyond the terms of a curve that are needed to see the scatter of single runs in it
-FEW_DEGREES = 4.0  # Degrees of freedom given to the noise within single runs, where nothing else is known
 # Degrees of freedom that a level's scatter takes from its neighbourhood: itself and both neighbours where R = 3
 NEIGHBOURS = 4.5
 SWEEPS_CHANCE = 0.01  # Probability at which independent repeats would be taken for sweeps

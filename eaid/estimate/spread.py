@@ -18,6 +18,8 @@ from eaid.arrays import Array
 from eaid.results.common import Interval
 
 NOMINAL = 0.95  # Coverage that every interval of eaid claims
+# Degrees of freedom given to the noise within single runs: where nothing else is known, and beside what levels show
+FEW_DEGREES, NOISE_DEGREES = 4.0, 12.0
 FARTHEST_END = 50.0  # Logarithm beyond which an end is none
 
 
@@ -93,10 +95,13 @@ class Influence:
     levels: LevelScatter
     singles: Array  # Independent parts of what levels of a single run contribute, (parts, n)
     single_degrees: float  # Degrees of freedom of those
+    # What they contribute at least, by the noise within them: how few levels depart hides it where one tells a number
+    least: Array | None = None
 
     def of(self, rows: Array) -> "Influence":
         """The same for other numbers, whose gradients are `rows`, shape (m, n)."""
-        return replace(self, gain=self.gain @ rows.T, singles=self.singles @ rows.T)
+        least = None if self.least is None else self.least @ rows.T
+        return replace(self, gain=self.gain @ rows.T, singles=self.singles @ rows.T, least=least)
 
     def variance(self) -> tuple[Array, Array]:
         """Variance of each number and its degrees of freedom, (n,) each (Satterthwaite)."""
@@ -114,26 +119,31 @@ class Influence:
             alone = (self.singles**2).sum(axis=0)
             excess = np.maximum((self._sweeps() ** 2).sum(axis=0) - total, 0.0) if levels.shifts else 0.0 * total
             sweeps = max(len(levels.shifts[0]) - 1.0, 1.0) if levels.shifts else 1.0
-            counts = (np.maximum(degrees, 1e-300), max(self.single_degrees, 1e-300), sweeps)
-            degrees = satterthwaite((total, alone, excess), counts)
-        whole = total + alone + excess
+            within = 0.0 * total if self.least is None else np.maximum((self.least**2).sum(axis=0) - alone, 0.0)
+            counts = (np.maximum(degrees, 1e-300), max(self.single_degrees, 1e-300), sweeps, NOISE_DEGREES)
+            degrees = satterthwaite((total, alone, excess, within), counts)
+        whole = total + alone + excess + within
         return whole, np.where(whole > 0, degrees, levels.degrees.sum() + self.single_degrees * bool(len(self.singles)))
 
     def covariance(self) -> Array:
         """Covariance of the numbers, (n, n)."""
         V = np.einsum("lin,lij,ljm->nm", self.gain, self.levels.covariance(actual=True), self.gain)
-        V = V + self.singles.T @ self.singles
-        if self.levels.shifts:
-            sweeps = self._sweeps()
-            scale = np.sqrt(np.maximum(np.diag(V), 1e-300))
-            size, ways = np.linalg.eigh((sweeps.T @ sweeps - V) / np.outer(scale, scale))
-            V = V + (ways * np.maximum(size, 0.0)) @ ways.T * np.outer(scale, scale)
-        return np.asarray(V)
+        alone = self.singles.T @ self.singles
+        if self.least is not None:
+            alone = _at_least(alone, self.least)
+        return _at_least(V + alone, self._sweeps()) if self.levels.shifts else np.asarray(V + alone)
 
     def _sweeps(self) -> Array:
         """Rows whose squares sum to the variance where every sweep is one observation, (R, n)."""
         together = np.einsum("lrk,lkn->rn", np.array(self.levels.shifts), self.gain)
         return np.asarray(together / np.sqrt(len(together) * (len(together) - 1)))
+
+
+def _at_least(V: Array, rows: Array) -> Array:
+    """A covariance, larger where rows whose squares sum to another are, (n, n)."""
+    scale = np.sqrt(np.maximum(np.diag(V), 1e-300))
+    size, ways = np.linalg.eigh((rows.T @ rows - V) / np.outer(scale, scale))
+    return np.asarray(V + (ways * np.maximum(size, 0.0)) @ ways.T * np.outer(scale, scale))
 
 
 def gains_of(information: Array, along: Array, take: Array, held: Array) -> tuple[Array, Array]:

@@ -17,13 +17,9 @@ from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.mixed import MixedLine
 from eaid.estimate.own_level import SURE, gains_of_runs, levels_about, own_of_levels
 from eaid.estimate.points import Normal, level_normal, log_crossed
-from eaid.estimate.scatter import (
-    FEW_DEGREES,
-    Scatter,
-    run_residuals,
-    window_sums,
-)
+from eaid.estimate.scatter import Scatter, run_residuals, window_sums
 from eaid.estimate.spread import (
+    FEW_DEGREES,
     Influence,
     LevelScatter,
     corrected,
@@ -104,17 +100,14 @@ class Estimate:
         """How T_s/size of the levels and x answer to the levels' own estimates at curves, and the Newton step from
         there, (L + p,); `of_levels` is how these scatter."""
         L, p, weight = len(self.levels), len(self.solved.x), self.solved.steps.weight
-        take = np.zeros((L, 4, L + p))  # how T_s, τ1, τ2, C of a level go with the unknowns
-        take[np.arange(L), 0, np.arange(L)] = self.size
-        take[:, 1:, L:] = self.solved.steps.M[1:].transpose(1, 0, 2)
-        every = weight[:, None, None]
+        take, every = self.take, weight[:, None, None]
         gain, back = gains_of(every * at.information, every * self.along(at.theta), take, self.blocked)
         alone = of_levels is None and bool((self.scatter.repeats == 1).all())
-        singles = self._singles(at, take) if alone else np.zeros((0, L + p))
+        singles = self._singles(at) if alone else np.zeros((0, L + p))
         singles = np.concatenate([singles, self._of_creep(at, take)])
         gradient = np.einsum("lk,lkm->m", weight[:, None] * at.score, take)
-        scatter = of_levels or self.scatter.of_levels
-        return Influence((not alone) * gain, scatter, singles @ back, self.single_degrees), -gradient @ back
+        scatter, least = of_levels or self.scatter.of_levels, self.of_noise @ back if alone and self.by_levels else None
+        return Influence((not alone) * gain, scatter, singles @ back, self.single_degrees, least), -gradient @ back
 
     def _of_creep(self, at: Normal, take: Array) -> Array:
         """The scores that one standard error of a creep makes that was taken off, (1, L + p), if any."""
@@ -126,19 +119,32 @@ class Estimate:
         along = np.array([step_slopes(Step(*curve), t) @ w for curve, t, w in rows])
         return np.asarray(np.einsum("l,lk,lkm->m", self.solved.steps.weight, along, take))[None]
 
-    def _singles(self, at: Normal, take: Array) -> Array:
+    @cached_property
+    def take(self) -> Array:
+        """How T_s, τ1, τ2, C of a level go with the unknowns, (L, 4, L + p)."""
+        L, take = len(self.levels), np.zeros((len(self.levels), 4, len(self.levels) + len(self.solved.x)))
+        take[np.arange(L), 0, np.arange(L)] = self.size
+        take[:, 1:, L:] = self.solved.steps.M[1:].transpose(1, 0, 2)
+        return take
+
+    @cached_property
+    def of_noise(self) -> Array:
+        """Scores that the noise within single runs makes, (parts, L + p)."""
+        weight, each = self.solved.steps.weight, range(len(self.levels))
+        return np.concatenate([weight[i] * self._within_run(self.solved.at, i) @ self.take[i] for i in each])
+
+    def _singles(self, at: Normal) -> Array:
         """Scores of levels of a single run, (parts, L + p)."""
+        if not self.by_levels:
+            return self.of_noise
         problem, rows, alone = self.solved.steps, self.solved.steps.M[1:], []
         by_level, information = problem.reduced(at)
         curvature = np.einsum("kln,lkj,jlm->nm", rows, information, rows)
         back = free_inverse(curvature, self.blocked[:, len(self.levels) :])
         for i in range(len(self.levels)):
-            if self.by_levels:
-                own = rows[:, i].T @ information[i] @ rows[:, i]
-                score = -rows[:, i].T @ by_level[i]
-                alone.append(np.append(np.zeros(len(self.levels)), corrected(own, back, score))[None])
-            else:
-                alone.append(problem.weight[i] * self._within_run(at, i) @ take[i])
+            own = rows[:, i].T @ information[i] @ rows[:, i]
+            score = -rows[:, i].T @ by_level[i]
+            alone.append(np.append(np.zeros(len(self.levels)), corrected(own, back, score))[None])
         return np.concatenate(alone)
 
     def _within_run(self, at: Normal, i: int) -> Array:

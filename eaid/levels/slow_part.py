@@ -18,8 +18,8 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.forms import LEAST_TAU_S
 from eaid.estimate.points import Normal
-from eaid.estimate.scatter import FEW_DEGREES, bartlett_variance, run_residuals
-from eaid.estimate.spread import satterthwaite, t_quantile
+from eaid.estimate.scatter import bartlett_variance, run_residuals
+from eaid.estimate.spread import FEW_DEGREES, satterthwaite, t_quantile
 from eaid.levels.from_steps import StepProblem
 from eaid.plant.dynamics import Step
 from eaid.plant.steps import step_slopes

@@ -64,9 +64,9 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     rows = base.level_values
     levels, model = np.array([row.level for row in rows]), rig.main.model(rig.names)
     if not np.isin(model.part_at(steps["Ts"].level), model.part_at(levels)).any():
-        held, unit = ", ".join(f"{u:.4g}" for u in levels.tolist()), rig.input_unit
+        there = ", ".join(f"{u:.4g}" for u in levels.tolist()) + f" {rig.input_unit}".rstrip()
         raise DataError(
-            f"no reference step is at a level that shares a session with those of the rig's plant ({held} {unit}), and "
+            f"no reference step is at a level that shares a session with those of the rig's plant ({there}), and "
             "another tells nothing of them; record one there"
         )
     foreseen = {
