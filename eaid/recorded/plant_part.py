@@ -34,6 +34,7 @@ from eaid.steps.stepset import Level
 LEAST_SIZE = 0.02  # Of the largest T_s, in whose parts one that is next to 0 by the curve is counted
 MAY_BE_0 = 0.7  # Half-width of the logarithm beyond which a level's interval is that of its value
 LAG_OFF = 0.08  # Of ln τ, from which a lag is told to lie off its curve: that of one run scatters by 5 %
+LAG_KNOWN = 0.5  # Standard error of ln τ of levels by themselves up to which they tell that
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 
 
@@ -127,8 +128,8 @@ def lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[F
     open: each level's τ, and T_s, is an unknown in place of the curves' coefficients."""
     setup, model, part = solved.fitted, solved.fitted.model, solved.fitted.model.slices[1]
     u = np.array([level.level for level in levels]) if levels else inputs.levels
-    held = inputs.stepwise and part.stop - part.start + LEVELS_TO_SPARE <= len(u) <= FEW_LEVELS
-    if model.kind != "lag" or model.signed or not held:
+    held = inputs.stepwise and 1 < part.stop - part.start <= len(u) - LEVELS_TO_SPARE <= FEW_LEVELS
+    if model.kind != "lag" or model.signed or not held:  # one that is constant the evidence has chosen
         return []
     curve, each = solved.curves(u), PerLevel(tuple(u.tolist()))
     begin = np.r_[curve.steady, curve.tau1, solved.x[part.stop :]]
@@ -144,7 +145,7 @@ def lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[F
         degrees = min(of.variance(row)[1] for row in rows)
     line = levels_about(tau, curve.tau1, setup.slopes(u)[1][:, part], covariance)
     own, _, _ = own_of_levels(line, curve.tau1, degrees)
-    if np.abs(own - np.log(curve.tau1)).max() < LAG_OFF:
+    if not np.sqrt(np.diag(covariance)).max() < LAG_KNOWN or np.abs(own - np.log(curve.tau1)).max() < LAG_OFF:
         return []
     return levels_scatter(line, u, own, np.log(curve.tau1), by_curve=True, parameter="tau1")
 
