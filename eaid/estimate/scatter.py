@@ -185,6 +185,14 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
     return LevelScatter(expected, unrelated(expected), mixed, relative, repeats - 1, between, common)
 
 
+def scatter_about(levels: Sequence[Level], jacobians: Sequence[Array]) -> LevelScatter:
+    """How k numbers of levels scatter, ∂f/∂numbers of each being a Jacobian (n, k), ln T_s the first of them."""
+    pairs = zip(levels, jacobians, strict=True)
+    runs = [run_statistics(level, run_residuals(level.runs, J[:, 0], J), J) for level, J in pairs]
+    pooled = pooled_scatter(runs)
+    return replace(pooled, alike=alike_by_noise(runs, jacobians, pooled))
+
+
 def unrelated(variance: Array) -> Array:
     """Correlations of numbers that have nothing to do with each other, (L, k, k), for variances (L, k)."""
     return np.broadcast_to(np.eye(variance.shape[1]), (*variance.shape, variance.shape[1]))

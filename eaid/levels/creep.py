@@ -16,7 +16,7 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.estimate.data import Data, data_of
-from eaid.estimate.scatter import alike_by_noise, log_jacobian, pooled_scatter, run_residuals, run_statistics
+from eaid.estimate.scatter import log_jacobian, scatter_about
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
 from eaid.levels.certainty import Estimate
 from eaid.levels.from_steps import fit_levels_first
@@ -171,15 +171,14 @@ def _errors(near: Estimate, back: Array, columns: Sequence[Array], score: Array)
         shared = max(count - len(near.solved.x) - 1, 1)
         pulled = ((score @ back @ asked.T) ** 2).sum(axis=0) * count / shared
         return np.sqrt(pulled), np.full(2, float(shared))
-    along, own, statistics = [], [], []
+    along, own = [], []
     for level, curve, J, w in zip(near.levels, near.scatter.curves, columns, near.solved.steps.weight, strict=True):
         creep = J[:, -1:] * curve.Ts / float(level.time_s[-1])
         own.append(np.hstack([log_jacobian(curve, level.time_s, near.model.free_share), creep]))
         along.append(w * own[-1].T @ J)
-        statistics.append(run_statistics(level, run_residuals(level.runs, own[-1][:, 0], own[-1]), own[-1]))
-    pooled = pooled_scatter(statistics)
-    every = np.broadcast_to(pooled.degrees / pooled.degrees.sum(), pooled.mixed.shape)  # one number of all levels
-    pooled = replace(pooled, alike=alike_by_noise(statistics, own, pooled), mixed=every)
-    answers = Influence(np.array(along) @ back, pooled, np.zeros((0, len(back))), 0.0)
+    seen = scatter_about(near.levels, own)
+    every = np.broadcast_to(seen.degrees / seen.degrees.sum(), seen.mixed.shape)  # one number of all levels
+    seen = replace(seen, mixed=every)
+    answers = Influence(np.array(along) @ back, seen, np.zeros((0, len(back))), 0.0)
     variance, degrees = answers.of(asked).variance()
     return np.sqrt(variance), degrees

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from eaid.arrays import Array, means_of
-from eaid.estimate.scatter import alike_by_noise, pace, pooled_scatter, run_residuals, run_statistics
+from eaid.estimate.scatter import pace, scatter_about
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
@@ -382,16 +382,13 @@ def with_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Spread:
         return plain
     setup, x, first = solved.setup, solved.x, solved.setup.model.slices[0].stop
     units = np.where(x[first:] != 0, np.abs(x[first:]), 1.0)  # logarithms, but for what is 0
-    curvature, along, own, statistics = np.zeros((setup.size, setup.size)), [], [], []
-    for k, level in enumerate(levels):
+    curvature, along, own = np.zeros((setup.size, setup.size)), [], []
+    for k in range(len(levels)):
         J, root = setup.jacobian(x, k)[0], np.sqrt(float(setup.drives[k].w.max()))
-        curve = solved.outputs[k] + solved.missed[k]
-        of_level = np.column_stack([curve, J[:, first:] / root * units])
+        own.append(np.column_stack([solved.outputs[k] + solved.missed[k], J[:, first:] / root * units]))
         curvature += J.T @ J
-        along.append(of_level.T @ J * root)
-        own.append(of_level)
-        statistics.append(run_statistics(level, run_residuals(level.runs, curve, of_level), of_level))
-    pooled = pooled_scatter(statistics)
-    pooled = replace(pooled, alike=alike_by_noise(statistics, own, pooled))
+        along.append(own[-1].T @ J * root)
     pull = free_inverse(curvature, setup.problem().A[solved.active])
-    return replace(plain, runs=Influence(np.array(along) @ pull, pooled, np.zeros((0, setup.size)), 0.0))
+    return replace(
+        plain, runs=Influence(np.array(along) @ pull, scatter_about(levels, own), np.zeros((0, setup.size)), 0.0)
+    )

@@ -16,7 +16,7 @@ from eaid.estimate.own_level import (
     levels_scatter,
     own_of_levels,
 )
-from eaid.estimate.scatter import pooled_scatter, run_residuals, run_statistics
+from eaid.estimate.scatter import scatter_about
 from eaid.estimate.spread import LevelScatter
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import LEVELS_TO_SPARE
@@ -152,14 +152,12 @@ def lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[F
 
 def _lags_by_runs(found: Solved, levels: Sequence[Level]) -> tuple[Array, float]:
     """Covariance of ln τ of levels by themselves, as those of their runs scatter, and its degrees of freedom."""
-    statistics, count = [], len(levels)
-    for k, level in enumerate(levels):
+    own, count = [], len(levels)
+    for k in range(count):
         J, root = found.setup.jacobian(found.x, k)[0], np.sqrt(float(found.setup.drives[k].w.max()))
-        own = J[:, [k, count + k]] * found.x[[k, count + k]] / root  # by ln T_s and ln τ
-        curve = found.outputs[k] + found.missed[k]
-        statistics.append(run_statistics(level, run_residuals(level.runs, curve, own), own))
-    pooled = pooled_scatter(statistics)
-    return np.diag(pooled.expected[:, 1]), float(pooled.degrees.sum())
+        own.append(J[:, [k, count + k]] * found.x[[k, count + k]] / root)  # by ln T_s and ln τ
+    seen = scatter_about(levels, own)
+    return np.diag(seen.expected[:, 1]), float(seen.degrees.sum())
 
 
 def plant_part(
