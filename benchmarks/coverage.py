@@ -29,7 +29,7 @@ from eaid.plant.dynamics import REFERENCE_PLANT, Step
 from eaid.plant.steps import step_response
 from eaid.results.common import Interval
 from eaid.results.fit import Fit
-from eaid.shapes.each_step import single_steps
+from eaid.shapes.each_step import fit_single_steps
 from eaid.steps.build import stepset_of
 from eaid.steps.cut import cut
 from eaid.steps.stepset import Level, RunRecord, StepSet
@@ -310,7 +310,7 @@ def quoted(name: str, count: int) -> Iterator[tuple[str, float, Interval]]:
             since = np.maximum(t - (k + 1) * hold / RATE_HZ - dead, 0.0)
             y += change * rise(since, tau1, tau2, share) * (since > 0)
         y += random.choice([0.002, 0.01, 0.03]) * wander(random, len(t), float(random.choice([0.1, 5, 20])))
-        for step in single_steps(stepset_of(cut(log(t, np.repeat(HEIGHTS, hold), y))), eaid.FitOptions()):
+        for step in fit_single_steps(stepset_of(cut(log(t, np.repeat(HEIGHTS, hold), y))), eaid.FitOptions()):
             found = step.ci95
             change = changes[step.from_, step.level]
             yield "change", change, found.change

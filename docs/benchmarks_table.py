@@ -16,7 +16,7 @@ import pandas as pd
 
 import eaid
 from eaid.apparatus import Apparatus
-from eaid.estimate.mixed import MixedValues, restricted
+from eaid.estimate.mixed import MixedValues, fit_restricted
 from eaid.steps.stepset import Level
 
 PAGE = Path(__file__).with_name("benchmarks.md")
@@ -74,7 +74,7 @@ def dyestuff() -> str:
     """Variance between batches and within."""
     batch = np.repeat(np.arange(6), 5)
     same = (batch[:, None] == batch).astype(float)
-    line = restricted(
+    line = fit_restricted(
         MixedValues(np.ravel(DYESTUFF).astype(float), np.ones((30, 1)), np.zeros((30, 30)), (same, np.eye(30)))
     )
     return f"{line.v[0]:.2f}, {line.v[1]:.2f}"

@@ -157,9 +157,9 @@ def fit(
     with progress("bootstrap refits" if refits else "fitting", refits) as advance:
         fitted = as_clutch = fit_steps(steps, how, advance)
         if asks_for_another_kind(as_clutch):
-            from eaid.recorded.another_kind import with_another_kind
+            from eaid.recorded.another_kind import try_another_kind
 
-            fitted = with_another_kind(as_clutch, steps, how)
+            fitted = try_another_kind(as_clutch, steps, how)
     of_data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
     fitted = judged(msgspec.structs.replace(fitted, data=of_data))
     responses = responses_of(steps.noted_late(fitted.noted_late_s), as_clutch.findings)

@@ -51,7 +51,7 @@ def coefficients_of(p: Plant, share_free: bool = False) -> Coefficients:
     return Coefficients(values, (len(p.tau1), len(p.tau2), len(p.Ts)), p.u_range, p.C, share_free)
 
 
-def turned(model: Model) -> Array:
+def map_unknowns(model: Model) -> Array:
     """How the coefficients follow from the unknowns of a model, (P, n)."""
     rows = [coefficients_of(model.parameters(row), model.free_share).values for row in np.eye(model.size)]
     return np.array(rows).T
@@ -61,7 +61,7 @@ def coefficient_limits(c: Coefficients) -> tuple[Array, Array]:
     """A and b of A c ≥ b: the constraints of a fit but for how long its records are."""
     model = nonlinear(np.linspace(*c.u_range, CHECKED_INPUTS), None if c.share_free else c.share)
     limits = model.limits(np.inf)
-    return limits.A @ np.linalg.pinv(turned(model)), limits.b
+    return limits.A @ np.linalg.pinv(map_unknowns(model)), limits.b
 
 
 def with_intervals(

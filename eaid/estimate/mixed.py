@@ -191,16 +191,16 @@ REML_STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line
 MOST_STEPS, SHORTEST_STEP, NO_GAIN = 60, 2.0**-20, 1e-12  # Fisher's scoring: steps, least part of one, no gain
 
 
-def restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
+def fit_restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
     """The line whose variances maximise the restricted likelihood: the best of three starts, or the one `near` some."""
     scale = max(values.at(np.zeros(len(values.G))).scale, 1e-300)
     if not np.diag(values.W).all():  # values known for certain have no K⁻¹ where their components are 0
         values = replace(values, W=values.W + NO_VARIANCE**2 * scale * np.eye(len(values.y)))
     starts = [np.full(len(values.G), one * scale) for one in REML_STARTS] if near is None else [near]
-    return values.at(min((_scored(values, one) for one in starts), key=lambda end: end[0])[1])
+    return values.at(min((_score(values, one) for one in starts), key=lambda end: end[0])[1])
 
 
-def _scored(values: MixedValues, v: Array) -> tuple[float, Array]:
+def _score(values: MixedValues, v: Array) -> tuple[float, Array]:
     """The least −log L by Fisher's scoring from v, components that would fall below 0 held there; and where it is."""
     cost, slope, expected = values.likelihood(v)
     for _ in range(MOST_STEPS):

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.estimate.mixed import MixedLine, MixedValues, restricted
-from eaid.estimate.scatter import RunStatistics, bartlett_variance, pooled_scatter
+from eaid.estimate.mixed import MixedLine, MixedValues, fit_restricted
+from eaid.estimate.scatter import RunStatistics, bartlett_variance, pool_scatter
 from eaid.estimate.spread import LevelScatter, satterthwaite, t_quantile
 from eaid.findings import Finding, Value, finding
 from eaid.steps.stepset import Level
@@ -35,7 +35,7 @@ def gains_of_runs(levels: Sequence[Level], curves: Sequence[Array]) -> LevelScat
         left = level.runs - np.outer(1 + off, f)
         noise = bartlett_variance(level.time_s, (left * f).T / square).max(axis=0)
         found.append(RunStatistics(off[:, None], np.array([noise.mean()])))
-    return pooled_scatter(found)
+    return pool_scatter(found)
 
 
 def gain_shifts(level: Level, f: Array) -> Array:
@@ -47,10 +47,10 @@ def levels_about(Ts: Array, size: Array, D: Array, of_logs: Array) -> MixedLine:
     """T_s of L levels by themselves over the curve's `size`, whose rows are D (L, p); `of_logs` is the covariance of
     their logarithms, (L, L)."""
     W = (of_logs + SURE**2 * np.eye(len(Ts))) * np.outer(Ts / size, Ts / size)
-    return restricted(MixedValues(Ts / size, D / size[:, None], W, (np.eye(len(Ts)),)))
+    return fit_restricted(MixedValues(Ts / size, D / size[:, None], W, (np.eye(len(Ts)),)))
 
 
-def own_of_levels(
+def pull_to_line(
     line: MixedLine, size: Array, known: float, gains: LevelScatter | None = None
 ) -> tuple[Array, Array, Array]:
     """ln T_s of the levels, half-width of its interval, degrees of freedom, (L,), W being `known` by so many; `gains`
@@ -80,7 +80,7 @@ def levels_scatter(
     return [finding("levels-scatter", "nonlinear", (), **said, **sizes)]
 
 
-def levelled_off(u: Array, own: Array, curve: Array, error: float | None, keeps: str = "levels") -> list[Finding]:
+def find_levelled_off(u: Array, own: Array, curve: Array, error: float | None, keeps: str = "levels") -> list[Finding]:
     """Where the highest levels have one output, and the curve another: the drive clips, or the clutch saturates; `own`
     and `curve` are ln T_s, (L,), the one known to a standard `error` where that is known; the option `keeps` levels."""
     order, to = np.argsort(u), ALIKE_TO if error is None else min(ALIKE_TO, max(LEAST_ALIKE, SURELY * error))

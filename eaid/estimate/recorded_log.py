@@ -172,14 +172,14 @@ def creep_at(share: Array) -> Array:
     return np.stack([share, 4 * share * (1 - share)], axis=1)
 
 
-def without_creep(log: RecordedLog, creep: Array) -> RecordedLog:
+def take_off_creep(log: RecordedLog, creep: Array) -> RecordedLog:
     """The log without an output that creeps so far beside its response, straight and bent, (2,)."""
     share = (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
     straight, bent = (np.array(log.creep) + creep).tolist()
     return replace(log, output=log.output - creep_at(share) @ creep, creep=(straight, bent))
 
 
-def shifted(log: RecordedLog, rows: int) -> RecordedLog:
+def shift_input(log: RecordedLog, rows: int) -> RecordedLog:
     """The log with the input of so many rows later; behind a dead time it may begin at rest."""
     if rows == 0:
         return log
@@ -187,7 +187,7 @@ def shifted(log: RecordedLog, rows: int) -> RecordedLog:
     return replace(log, input=moved, idle_start=log.starts_idle if rows > 0 else log.idle_start)
 
 
-def behind_rest(log: RecordedLog, rows: int = 1) -> RecordedLog:
+def add_rest(log: RecordedLog, rows: int = 1) -> RecordedLog:
     """The log with some rows of rest before it, which are not compared."""
     before = float(log.time_s[0]) - (float(log.time_s[1]) - float(log.time_s[0])) * np.arange(rows, 0, -1)
     return replace(

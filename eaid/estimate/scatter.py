@@ -130,7 +130,7 @@ def run_statistics(level: Level, noise: Array, jacobian: Array) -> RunStatistics
     return RunStatistics((level.runs - level.mean) @ directions, within)
 
 
-def alike_by_noise(runs: Sequence[RunStatistics], jacobians: Sequence[Array], pooled: LevelScatter) -> Array:
+def correlate_by_noise(runs: Sequence[RunStatistics], jacobians: Sequence[Array], pooled: LevelScatter) -> Array:
     """Correlations of the levels' numbers, (L, k, k): what noise within runs makes of them goes together."""
     noise = np.array([one.within / len(one.shift) for one in runs])
     part = np.sqrt(np.clip(noise / np.maximum(pooled.expected, 1e-300), 0.0, 1.0))
@@ -152,7 +152,7 @@ def paule_mandel(total: Callable[[float], float], wanted: float, scale: float) -
     return float(brentq(lambda a: total(a) - wanted, low, high, xtol=1e-13 * high, rtol=1e-12)), 1.0
 
 
-def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> LevelScatter:
+def pool_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) -> LevelScatter:
     """Scatter of levels' numbers with repeats; levels of a single run borrow it. Needs one level with R ≥ 2.
 
     Where `usable`, shape (L, k), is false, a number has no say in the pool and borrows from it. Where repeats were
@@ -175,7 +175,7 @@ def pooled_scatter(levels: Sequence[RunStatistics], usable: Mask | None = None) 
             own = own * (len(levels) - 1) / len(levels)
             left = np.array([level.shift[:, k] for level in levels]) - shared
             v[:, k] = (left**2).sum(axis=1) / (len(shared) - 1) * len(levels) / (len(levels) - 1)
-        mixed[k] = neighbours(own) if own.sum() else neighbours(repeats - 1)
+        mixed[k] = weigh_neighbours(own) if own.sum() else weigh_neighbours(repeats - 1)
         if own.sum() == 0:
             continue
         chi_square = partial(lambda s, h, a: float((s / (a + h)).sum()), own * v[:, k], h[:, k])
@@ -189,8 +189,8 @@ def scatter_about(levels: Sequence[Level], jacobians: Sequence[Array]) -> LevelS
     """How k numbers of levels scatter, ∂f/∂numbers of each being a Jacobian (n, k), ln T_s the first of them."""
     pairs = zip(levels, jacobians, strict=True)
     runs = [run_statistics(level, run_residuals(level.runs, J[:, 0], J), J) for level, J in pairs]
-    pooled = pooled_scatter(runs)
-    return replace(pooled, alike=alike_by_noise(runs, jacobians, pooled))
+    pooled = pool_scatter(runs)
+    return replace(pooled, alike=correlate_by_noise(runs, jacobians, pooled))
 
 
 def unrelated(variance: Array) -> Array:
@@ -218,7 +218,7 @@ def common_shifts(levels: Sequence[RunStatistics], k: int) -> Array | None:
     return mean if chance < SWEEPS_CHANCE else None
 
 
-def neighbours(own: Array) -> Array:
+def weigh_neighbours(own: Array) -> Array:
     """How much each level's runs, of `own` degrees of freedom, count for each level's scatter: rows of sum 1, (L, L).
 
     The narrowest triangle about a level that gives half of the levels `NEIGHBOURS` degrees of freedom.
@@ -306,7 +306,7 @@ class Scatter:
     def pooled(self) -> LevelScatter:
         """How the levels' own parameters scatter."""
         if (self.repeats > 1).any():
-            return pooled_scatter(self.runs, self.usable)
+            return pool_scatter(self.runs, self.usable)
         within = np.array([runs.within for runs in self.runs])
         between, degrees = np.full(within.shape[1], np.nan), []
         theta = np.log(np.maximum(self.theta[:3].T, 1e-300)) + self.shift[:, :3]
@@ -325,7 +325,7 @@ class Scatter:
     def of_levels(self) -> LevelScatter:
         """The same as intervals take it: what noise within runs makes of a level's parameters goes together."""
         shifts = tuple(runs.shift for runs in self.runs) if self.swept else ()
-        return replace(self.pooled, alike=alike_by_noise(self.runs, self.jacobians, self.pooled), shifts=shifts)
+        return replace(self.pooled, alike=correlate_by_noise(self.runs, self.jacobians, self.pooled), shifts=shifts)
 
     @property
     def swept(self) -> bool:

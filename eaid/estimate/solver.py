@@ -72,7 +72,7 @@ def whiten(curvature: Array) -> Array:
             scaled = curvature / (scale * scale[:, None]) + ridge * np.eye(len(scale))
 
 
-def inside(problem: Problem, feasible: Array, x: Array) -> Array:
+def draw_back_inside(problem: Problem, feasible: Array, x: Array) -> Array:
     """`x`, drawn back towards a feasible point by as much as rounding left it outside."""
     if not len(problem.b):
         return x
@@ -92,7 +92,7 @@ def rounding(problem: Problem) -> Array:
 
 def draw_in(x: Array, inner: Array, problem: Problem) -> Array:
     """The point nearest to `x` on the line to a feasible `inner`, a little inside."""
-    reached = inside(problem, inner, x)
+    reached = draw_back_inside(problem, inner, x)
     return x if reached is x else reached + 1e-3 * (inner - reached)
 
 
@@ -141,7 +141,7 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
         if (slack + problem.A @ back_on >= -little).all():
             d, z = back_on, back_on @ lower
         else:
-            d = inside(problem, x, x + d) - x
+            d = draw_back_inside(problem, x, x + d) - x
     decrease = -float(q @ z + 0.5 * z @ z)
     return NewtonStep(d, max(decrease, 0.0), tuple(held.tolist()))
 
@@ -194,7 +194,7 @@ def slsqp(problem: Problem, near: EndPoint) -> EndPoint:
             held |= left
             if not left:
                 break
-        reached = inside(problem, x, reached)
+        reached = draw_back_inside(problem, x, reached)
         lower = problem.value(reached)[0]
         if not lower < cost:
             break
@@ -238,7 +238,7 @@ def approach(problem: Problem, start: Array, steps: int = 40, near: float = NEAR
         step = newton_step(problem, x, gradient, curvature + damping * np.diag(np.diagonal(curvature)))
         if step.decrease <= near * max(cost, problem.floor):
             break
-        reached = inside(problem, x, x + step.d) if step.active else x + step.d
+        reached = draw_back_inside(problem, x, x + step.d) if step.active else x + step.d
         lower, slope, bent = problem.normal(reached)
         evaluations += 1
         if lower < cost:
@@ -249,7 +249,7 @@ def approach(problem: Problem, start: Array, steps: int = 40, near: float = NEAR
     return EndPoint(x, cost, evaluations)
 
 
-def ends_solved(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
+def solve_ends(ends: Sequence[EndPoint], problem: Problem) -> list[EndPoint]:
     """The ends, best first, SLSQP having gone on from each that may be the best: once where several are the same."""
     order = sorted(ends, key=lambda end: end.cost)
     polished: list[EndPoint] = []
@@ -300,7 +300,7 @@ def polish(
         if step.decrease <= finished * cost:
             break
         for length in (1.0, 0.5, 0.25, 0.1, 0.01):
-            reached = inside(problem, x, x + length * step.d)
+            reached = draw_back_inside(problem, x, x + length * step.d)
             lower, slope = problem.value(reached)
             evaluations += 1
             if lower < cost:
@@ -311,7 +311,7 @@ def polish(
         step = newton_step(problem, x, gradient, problem.curvature(x))
     predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
     if step.decrease <= SETTLED * cost and (np.abs(step.d) <= LAST_STEP_PART * np.abs(x)).all():
-        x = inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do
+        x = draw_back_inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do
     near = np.flatnonzero(problem.A @ x - problem.b < rounding(problem))
     return EndPoint(x, cost, evaluations), predicted, tuple(sorted({*step.active, *near.tolist()}))
 

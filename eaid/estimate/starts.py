@@ -130,7 +130,7 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
             for part, inverse, tau in zip(model.slices[1:], back, values, strict=True):
                 x[part] = inverse @ tau
             starts.append(x)
-    return starts if model.Ts is None else [*with_torque(np.array(starts), model, data, weight)[0]]
+    return starts if model.Ts is None else [*solve_torque(np.array(starts), model, data, weight)[0]]
 
 
 def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[Array]:
@@ -148,12 +148,12 @@ def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[A
     tried = np.tile(x, (len(tops), len(sizes), 1))
     bends = ((form.inputs - tops[:, None]) / half) ** 2
     tried[:, :, part] = (3 * typical + sizes[:, None] * bends[:, None]) @ back.T
-    found, cost = with_torque(tried.reshape(-1, len(x)), model, data, weight)
+    found, cost = solve_torque(tried.reshape(-1, len(x)), model, data, weight)
     best = cost.reshape(tried.shape[:2]).argmin(axis=1) + len(sizes) * np.arange(len(tops))
     return [*found[best[np.argsort(cost[best])[:2]]]]
 
 
-def with_torque(x: Array, model: Model, data: Data, weight: Array) -> tuple[Array, Array]:
+def solve_torque(x: Array, model: Model, data: Data, weight: Array) -> tuple[Array, Array]:
     """N unknowns with T_s(u) by least squares, (N, n), and the weighted costs, (N,)."""
     M, part, points, count = model.rows(data.u), model.slices[0], data.points, len(x)
     theta = np.stack([model.theta(row, M) for row in x], axis=1)

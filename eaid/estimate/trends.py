@@ -49,7 +49,7 @@ def fit_trend(x: Array, y: Array, over: str, form: TrendForm) -> Trend:
         weights = np.abs(c[[0, 2], None] * np.exp(np.multiply.outer(c[[1, 3]], s)))
         if "rates-meet" in held or weights.sum(axis=0).max() > CANCEL:
             form = "merged-exponential"
-            rate = min(RATES, key=lambda rate: _projected(np.array([rate]), s, y / size)[0])
+            rate = min(RATES, key=lambda rate: _project(np.array([rate]), s, y / size)[0])
             c, converged, held = _fit(form, s, y / size, [np.array([rate])])
             rate, slope = c[2] / range_, c[1] / range_
             c = np.append(size * np.exp(-rate * origin) * np.array([c[0] - slope * origin, slope]), rate)
@@ -71,11 +71,11 @@ def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, boo
         names = ("r-steepest-rise", "r-steepest-fall")
         order = [0, 1, 2]
     floor = ROUNDING * float(y @ y)
-    problem = Problem(lambda rates: _projected(rates, s, y)[:3], A, b, names.__getitem__, floor=floor)
+    problem = Problem(lambda rates: _project(rates, s, y)[:3], A, b, names.__getitem__, floor=floor)
     ends = [slsqp(problem, approach(problem, start)) for start in starts]
     best = min(ends, key=lambda end: end.cost)
     end, predicted, active = polish(problem, best)
-    c = np.concatenate([_projected(end.x, s, y)[3], end.x])[order]
+    c = np.concatenate([_project(end.x, s, y)[3], end.x])[order]
     # Where one exponential is exact, (p + q x) e^(r x) is flat in r: what is predicted is 0/0 then.
     return c, predicted <= CONVERGED or end.cost <= problem.floor, tuple(names[i] for i in active)
 
@@ -98,7 +98,7 @@ def _rate_pairs(s: Array, y: Array, most: int) -> list[Array]:
     return pairs
 
 
-def _projected(rates: Array, s: Array, y: Array) -> tuple[float, Array, Array, Array]:
+def _project(rates: Array, s: Array, y: Array) -> tuple[float, Array, Array, Array]:
     """Cost with the weights solved for, its gradient and Gauss–Newton curvature by the rates, and the weights."""
     clipped = np.clip(rates, -2 * STEEPEST, 2 * STEEPEST)  # SLSQP may look far outside before it comes back
     e = np.exp(np.multiply.outer(s, clipped))
@@ -111,7 +111,7 @@ def _projected(rates: Array, s: Array, y: Array) -> tuple[float, Array, Array, A
     return float(r @ r), 2 * slopes.T @ r, 2 * inside.T @ inside, weights
 
 
-def fitted_trends(
+def fit_trends(
     kind: str, over: str, x: Array, of: Mapping[str, Sequence[float | None]], seen: tuple[Array | None, float] | None
 ) -> tuple[dict[str, Trend], list[Finding]]:
     """The trends of a kind of experiment over x, (L,), with 95 % intervals of their coefficients if it is `seen` how

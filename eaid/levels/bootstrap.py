@@ -31,12 +31,12 @@ def bootstrap(
     advance: Callable[[], None] | None = None,
 ) -> Array:
     """What `refit` makes of resampled sets, (draws, …); `curves` are those of the levels. `advance`: after each."""
-    runs = [_compressed(level, data.points.y.shape[1]) for level in levels]
+    runs = [_compress_runs(level, data.points.y.shape[1]) for level in levels]
     rows = []
     for i in range(options.draws):
         # the means as they were fitted keep their times; only their compressed values change
         random = np.random.default_rng([options.seed, i])
-        rows.append(refit(replace(data, compressed=_resampled(data.points, levels, curves, runs, random))))
+        rows.append(refit(replace(data, compressed=_resample(data.points, levels, curves, runs, random))))
         if advance:
             advance()
     return np.array(rows)
@@ -54,13 +54,13 @@ def spread_of(draws: Array) -> Array:
     return np.asarray((high - low) / 3.92)
 
 
-def _compressed(level: Level, length: int) -> Array:
+def _compress_runs(level: Level, length: int) -> Array:
     """Every run of a level on the points of its mean, shape (R, length): compression is linear in the data."""
     rows = compress([level.time_s] * len(level.runs), list(level.runs)).y
     return np.pad(rows, ((0, 0), (0, length - rows.shape[1])))
 
 
-def _resampled(
+def _resample(
     base: Points,
     levels: Sequence[Level],
     curves: Sequence[Step],
@@ -80,5 +80,5 @@ def _resampled(
             length = min(max(block, 1), max(1, n // 2))
             starts = random.integers(0, n, -(-n // length))
             blocks = (level.mean - fitted)[((starts[:, None] + np.arange(length)) % n).ravel()[:n]]
-            y[k] = _compressed(replace(level, runs=(fitted + blocks)[None]), len(y[k]))[0]
+            y[k] = _compress_runs(replace(level, runs=(fitted + blocks)[None]), len(y[k]))[0]
     return Points(base.t_s, y, base.w)

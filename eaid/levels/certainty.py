@@ -15,14 +15,14 @@ from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.mixed import MixedLine
-from eaid.estimate.own_level import SURE, gains_of_runs, levels_about, own_of_levels
+from eaid.estimate.own_level import SURE, gains_of_runs, levels_about, pull_to_line
 from eaid.estimate.points import Normal, level_normal, log_crossed
 from eaid.estimate.scatter import Scatter, run_residuals, window_sums
 from eaid.estimate.spread import (
     FEW_DEGREES,
     Influence,
     LevelScatter,
-    corrected,
+    correct_score,
     free_inverse,
     gains_of,
     score_test_end,
@@ -144,7 +144,7 @@ class Estimate:
         for i in range(len(self.levels)):
             own = rows[:, i].T @ information[i] @ rows[:, i]
             score = -rows[:, i].T @ by_level[i]
-            alone.append(np.append(np.zeros(len(self.levels)), corrected(own, back, score))[None])
+            alone.append(np.append(np.zeros(len(self.levels)), correct_score(own, back, score))[None])
         return np.concatenate(alone)
 
     def _within_run(self, at: Normal, i: int) -> Array:
@@ -278,7 +278,7 @@ class Estimate:
             low, high, degrees = (part[0] for part in self.intervals(u))
             return self.numbers(u, self.coefficients)[0][0], 0.5 * (high - low), degrees[0]
         size = self.solved.at.theta[0] / line.values.y
-        return own_of_levels(line, size, self.scatter.degrees, self.gain_scatter)
+        return pull_to_line(line, size, self.scatter.degrees, self.gain_scatter)
 
     @property
     def coefficients(self) -> Array:
@@ -393,6 +393,8 @@ class Estimate:
         return score_test_end(at)
 
 
-def levels_first(levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None) -> Estimate:
+def estimate_levels_first(
+    levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None
+) -> Estimate:
     """The estimate from the runs of L levels, `data` being their means; `near` is that of data that differ little."""
     return Estimate(levels, fit_levels_first(data, share, None if near is None else [near.solved.x]))

@@ -54,7 +54,7 @@ class Number:
         return float(t_quantile(self.degrees) * self.error)
 
 
-def besides(stepset: StepSet, share: ShareEstimate, held: float) -> tuple[bool, Creep | None]:
+def find_share_and_creep(stepset: StepSet, share: ShareEstimate, held: float) -> tuple[bool, Creep | None]:
     """Whether the runs have a C of their own, and the creep of their output; `share` is what they ask for where nothing
     creeps, with `held` in its place."""
     levels = stepset.levels
@@ -65,10 +65,10 @@ def besides(stepset: StepSet, share: ShareEstimate, held: float) -> tuple[bool, 
         t0 = 0.5 * median(rests or [0.0])
         at_idle = float(idle.mean()) if len(idle) else 0.0
         if not single:
-            C, rate, _ = _solved(levels, t0, None, at_idle)
+            C, rate, _ = _solve(levels, t0, None, at_idle)
             free = C.differs(held)
         if not free:
-            C, rate, cost = _solved(levels, t0, held, at_idle)
+            C, rate, cost = _solve(levels, t0, held, at_idle)
         if _creeps(rate, levels, idle) and not (single and _cost_of_share(levels, held) <= cost):
             told = free and share_is_told(C.value - C.half, C.value + C.half)
             return told, Creep(rate.value, rate.error, rate.half, t0)
@@ -97,7 +97,7 @@ def _cost_of_share(levels: Sequence[Level], held: float) -> float:
     return float(fit_levels_first(data, held).steps.weight @ fit_levels_first(data, None).at.cost)
 
 
-def _solved(levels: Sequence[Level], t0: float, share: float | None, idle: float) -> tuple[Number, Number, float]:
+def _solve(levels: Sequence[Level], t0: float, share: float | None, idle: float) -> tuple[Number, Number, float]:
     """C, free or held, the rate of a creep that all runs share, from the best of some rates, that of the idle time
     among them: the slow parts of low levels imitate one; and what these leave."""
     data = data_of(levels)
@@ -105,26 +105,28 @@ def _solved(levels: Sequence[Level], t0: float, share: float | None, idle: float
     weight = first.steps.weight
     per_hold = float(np.abs(data.points.y).max()) / data.longest_s
     tried = sorted({0.0, idle, *(side * part * per_hold for part in PARTS for side in (-1, 1))})
-    ends = [fit_levels_first(without(data, rate, t0), share, [first.x]) for rate in tried]
+    ends = [fit_levels_first(take_off_creep(data, rate, t0), share, [first.x]) for rate in tried]
     costs = np.array([float(weight @ one.at.cost) for one in ends])
     framed = np.pad(costs, 1, constant_values=np.inf)
     minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
-    found = [_ended(levels, data, t0, tried[k], ends[k].x, share) for k in minima[np.argsort(costs[minima])][:BEGUN]]
+    found = [
+        _solve_near(levels, data, t0, tried[k], ends[k].x, share) for k in minima[np.argsort(costs[minima])][:BEGUN]
+    ]
     rate, near, (errors, degrees) = min(found, key=lambda one: float(weight @ one[1].solved.at.cost))
     of_C, of_rate = zip(errors.tolist(), degrees.tolist(), strict=True)
     C = Number(float(near.solved.x[-1]), *of_C) if share is None else Number(share, 0.0, of_C[1])
     return C, Number(rate, *of_rate), float(weight @ near.solved.at.cost)
 
 
-def _ended(
+def _solve_near(
     levels: Sequence[Level], data: Data, t0: float, rate: float, x: Array, share: float | None
 ) -> tuple[float, Estimate, tuple[Array, Array]]:
     """The rate next to one, the estimate without it, and how sure C and the rate are."""
     for _ in range(ROUNDS):
-        moved = without(data, rate, t0)
+        moved = take_off_creep(data, rate, t0)
         near = Estimate(levels, fit_levels_first(moved, share, [x]))
         x, columns = near.solved.x, _columns(near, t0)
-        score, back = _about(near, moved, columns)
+        score, back = _sum_scores(near, moved, columns)
         step, known = float(back[-1] @ score.sum(axis=0)), _errors(near, back, columns, score)
         if abs(step) <= SETTLED * known[0][-1]:
             break
@@ -132,7 +134,7 @@ def _ended(
     return rate, near, known
 
 
-def without(data: Data, rate: float, t0: float) -> Data:
+def take_off_creep(data: Data, rate: float, t0: float) -> Data:
     """The mean curves without a creep."""
     if not rate:
         return data
@@ -153,7 +155,7 @@ def _columns(near: Estimate, t0: float) -> list[Array]:
     return found
 
 
-def _about(near: Estimate, data: Data, columns: Sequence[Array]) -> tuple[Array, Array]:
+def _sum_scores(near: Estimate, data: Data, columns: Sequence[Array]) -> tuple[Array, Array]:
     """w J'(f − ȳ) of all unknowns level by level, the rate last, and the inverse of Σ w J'J where no constraint holds
     them."""
     residuals, weight = near.solved.residuals(data), near.solved.steps.weight

@@ -15,7 +15,7 @@ from eaid.estimate.data import Data
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, MEETING, Mask, Scatter
 from eaid.estimate.spread import Influence, t_quantile, textbook
-from eaid.estimate.trends import fitted_trends
+from eaid.estimate.trends import fit_trends
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import SAYS_NOTHING
 from eaid.levels.each_level import OwnLevels
@@ -70,7 +70,7 @@ class LevelValues:
         return LevelIntervals(**ends, dof={name: one for name, one in degrees if np.isfinite(one)})
 
 
-def quoted(
+def quote_levels(
     levels: Sequence[Level], theta: Array, held: Sequence[tuple[str, ...]], ends: tuple[Array, Array, Array]
 ) -> LevelValues:
     """Values of levels with their ends; none of τ2 upwards where most levels' lie too far beyond the record.
@@ -79,7 +79,7 @@ def quoted(
     """
     low, high, degrees = ends
     if tau2_open(levels, theta, (low, high)):
-        both = [wider(low[k], high[k]) for k in range(2)]
+        both = [widen(low[k], high[k]) for k in range(2)]
         low, high = (np.vstack([*(ends[side] for ends in both), (low, high)[side][2]]) for side in range(2))
         high[2] = np.inf
     return LevelValues(levels, theta, held, low, high, degrees)
@@ -96,7 +96,7 @@ def tau2_open(levels: Sequence[Level], theta: Array, ends: tuple[Array, Array]) 
     return bool(2 * beyond.sum() > len(levels))
 
 
-def over_slow_parts(own: OwnLevels, ends: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+def reach_over_slow_parts(own: OwnLevels, ends: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
     """The ends of levels, those of T_s over every slow part that a record which does not tell τ2 leaves possible beside
     a C that is held: from the plateau to the plateau over C."""
     if own.scatter.share_free:
@@ -112,7 +112,7 @@ def over_slow_parts(own: OwnLevels, ends: tuple[Array, Array, Array]) -> tuple[A
     return low, high, degrees
 
 
-def wider(low: Array, high: Array) -> tuple[Array, Array]:
+def widen(low: Array, high: Array) -> tuple[Array, Array]:
     """Ends of a T_s or τ1 that rests on a τ2 that the records do not tell."""
     middle, half = 0.5 * (low + high), 0.5 * WIDER * (high - low)
     return middle - half, middle + half
@@ -167,7 +167,7 @@ def friction_part(
     seen, relative = own.scatter, None
     if seen.source == "repeats" and options.ci != "white":
         relative = np.sqrt(np.einsum("lkk->kl", seen.of_levels.covariance(actual=True))[:3])
-    trends, more = fitted_trends(stepset.kind, over, x, by_name, (relative, seen.degrees) if shown else None)
+    trends, more = fit_trends(stepset.kind, over, x, by_name, (relative, seen.degrees) if shown else None)
     findings += more
     findings += level_findings(values, seen, "friction", stepset)
     for i, level in enumerate(own.levels if seen.share_free else ()):

@@ -26,9 +26,9 @@ from eaid.estimate.solver import (
     Problem,
     approach,
     bring_in,
-    ends_solved,
     polish,
     slsqp,
+    solve_ends,
     solver_verdict,
     with_second_derivatives,
 )
@@ -170,7 +170,7 @@ def fit_nonlinear(data: Data, share: float | None) -> Solution:
     starts = form_starts(steps.model, data, steps.weight)
     begin = [*starts, *touching_starts(starts[0], steps.model, data, steps.weight)]
     begin = [bring_in(x, steps.inner, steps.problem) for x in begin]
-    return minimised(steps, begin)
+    return minimise(steps, begin)
 
 
 def refit_nonlinear(data: Data, near: Solution) -> Solution:
@@ -178,7 +178,7 @@ def refit_nonlinear(data: Data, near: Solution) -> Solution:
     steps = replace(near.steps, data=data)
     slack = steps.problem.A @ near.x - steps.problem.b
     problem = replace(steps.problem, b=steps.problem.b + np.minimum(slack, 0.0))  # what rounding left outside
-    return _concluded(steps, [slsqp(problem, approach(problem, near.x))])
+    return _conclude(steps, [slsqp(problem, approach(problem, near.x))])
 
 
 def textbook_covariance(data: Data, model: Model, x: Array) -> tuple[Array, float]:
@@ -199,7 +199,7 @@ def fit_linear(data: Data) -> Solution:
     costs = np.array([steps.normal(x)[0] for x in grid])
     framed = np.pad(costs, 1, constant_values=np.inf)
     minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
-    return minimised(steps, grid[minima[np.argsort(costs[minima])][:A0_STARTS]])
+    return minimise(steps, grid[minima[np.argsort(costs[minima])][:A0_STARTS]])
 
 
 def fit_levels_first(
@@ -214,14 +214,14 @@ def fit_levels_first(
     if not data.points.y.any():
         return Solution(replace(steps, weight=np.zeros(len(data.u))), begin[0], solver_verdict(0.0, 0, (0.0,)))
     steps = steps.weighed(min(begin, key=lambda x: steps.normal(x)[0]))
-    ends = ends_solved([approach(steps.problem, x) for x in begin], steps.problem)
+    ends = solve_ends([approach(steps.problem, x) for x in begin], steps.problem)
     end = _without_endless(steps, min(ends, key=lambda end: end.cost))
     for _ in range(WEIGHED):
         before, steps = steps, steps.weighed(end.x)
         if np.abs(steps.weight - before.weight).max() <= SAME_WEIGHT * before.weight.max():
             break
         end = approach(steps.problem, end.x, near=SETTLED)
-    return _concluded(steps, [slsqp(steps.problem, end)])
+    return _conclude(steps, [slsqp(steps.problem, end)])
 
 
 def _without_endless(steps: StepProblem, end: EndPoint, records: float = ENDLESS_RECORDS) -> EndPoint:
@@ -238,13 +238,13 @@ def _without_endless(steps: StepProblem, end: EndPoint, records: float = ENDLESS
     return other if other.cost <= (1 + CHI2_APART / points) * end.cost + steps.problem.floor else end
 
 
-def minimised(steps: StepProblem, starts: Iterable[Array], records: float = np.inf) -> Solution:
+def minimise(steps: StepProblem, starts: Iterable[Array], records: float = np.inf) -> Solution:
     """The least of what feasible starts lead to; a τ2 beyond so many records has to explain more than one lag does."""
-    ends = ends_solved([approach(steps.problem, x) for x in starts], steps.problem)
-    return _concluded(steps, [_without_endless(steps, end, records) for end in ends])
+    ends = solve_ends([approach(steps.problem, x) for x in starts], steps.problem)
+    return _conclude(steps, [_without_endless(steps, end, records) for end in ends])
 
 
-def _concluded(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:
+def _conclude(steps: StepProblem, ends: Sequence[EndPoint]) -> Solution:
     """The best end, polished, with our verdict."""
     best = min(ends, key=lambda end: end.cost)
     end, predicted, active = polish(steps.problem, best)

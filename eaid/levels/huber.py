@@ -23,7 +23,7 @@ HELD_BACK_MUCH = (
 SolutionT = TypeVar("SolutionT")
 
 
-def with_loss(
+def fit_with_loss(
     data: Data,
     loss: str,
     solve: Callable[[Data, SolutionT | None], SolutionT],

@@ -34,7 +34,7 @@ class Starts(NamedTuple):
     told: Finding
 
 
-def starts_apart(scatter: Scatter) -> Starts | None:
+def find_starts_apart(scatter: Scatter) -> Starts | None:
     """The starts of runs that scatter by more than noise and more than matters; None of others."""
     shifts, squares, noise, degrees = dict[float, Array](), 0.0, 0.0, 0
     for level, curve, J in zip(scatter.levels, scatter.curves, scatter.jacobians, strict=True):
@@ -61,7 +61,7 @@ def starts_apart(scatter: Scatter) -> Starts | None:
     return Starts(shifts, told)
 
 
-def in_step(stepset: StepSet, starts: Starts) -> StepSet:
+def lay_in_step(stepset: StepSet, starts: Starts) -> StepSet:
     """The set with the runs of its levels laid on each other, and the single steps that they are."""
     levels, late_s = [], dict[tuple[float, str], float]()
     for level in stepset.levels:

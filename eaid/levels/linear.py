@@ -19,7 +19,7 @@ from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
 from eaid.levels.from_steps import UNSEEN_PART, Solution, StepProblem, fit_linear, textbook_covariance
-from eaid.levels.huber import huber_findings, with_loss
+from eaid.levels.huber import fit_with_loss, huber_findings
 from eaid.options import FitOptions
 from eaid.plant import linear
 from eaid.plant.linear import LinearPlant as LinearModel
@@ -116,7 +116,7 @@ def linear_part(
     data: Data, scatter: Scatter, options: FitOptions, held_out: Sequence[Level] = ()
 ) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
-    solved, huber = with_loss(data, options.loss, lambda d, _: fit_linear(d), Solution.residuals)
+    solved, huber = fit_with_loss(data, options.loss, lambda d, _: fit_linear(d), Solution.residuals)
     form, x = unknowns(solved)
     p, left = parameters(form, x), solved.residuals(data)
     each = [fit_linear(data.only([i])) for i in range(len(data.u))]

@@ -13,20 +13,20 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.estimate.coefficients import turned, with_intervals
+from eaid.estimate.coefficients import map_unknowns, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
-from eaid.estimate.own_level import levelled_off, levels_scatter
+from eaid.estimate.own_level import find_levelled_off, levels_scatter
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, held_parameters
-from eaid.estimate.spread import Influence, corrected, gains_of, t_quantile
+from eaid.estimate.spread import Influence, correct_score, gains_of, t_quantile
 from eaid.findings import Finding, Value, finding
 from eaid.levels.adequacy import decays
 from eaid.levels.bootstrap import drawn_ends, spread_of
 from eaid.levels.certainty import Estimate
-from eaid.levels.friction import HELD_BY, LevelValues, level_findings, quoted, tau2_open, wider
+from eaid.levels.friction import HELD_BY, LevelValues, level_findings, quote_levels, tau2_open, widen
 from eaid.levels.from_steps import Solution, textbook_covariance
 from eaid.levels.torque_curve import BEYOND_CHANCE
-from eaid.levels.unseen import levels_left_out
+from eaid.levels.unseen import leave_levels_out
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.respond import from_rest
@@ -98,16 +98,16 @@ def nonlinear_part(
     papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
     misfit, bent = misfits(estimate, through)
     part = msgspec.structs.replace(part, misfit=misfit or None)
-    turn, u = turned(model), data.u
+    turn, u = map_unknowns(model), data.u
     covariance = turn @ estimate.influence.covariance() @ turn.T
     one = Standing(part, estimate.coefficients, estimate.held, covariance, estimate.intervals(u))
     parts = joint_findings(papers, one, levels, options.estimator)
     if options.estimator == "joint":
-        one, solver = of_joint(papers, joint, estimate), joint.solver
+        one, solver = take_joint(papers, joint, estimate), joint.solver
     if draws is not None:
-        one = from_draws(one, estimate, u, draws)
+        one = take_draws(one, estimate, u, draws)
     if options.ci == "white":
-        one = white(one, estimate)
+        one = by_textbook(one, estimate)
     values = values_of(one, levels, free)
     own, scattered = values, []
     if options.estimator != "joint":
@@ -133,7 +133,7 @@ def nonlinear_part(
     told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *bent, *scattered]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
     scatter = estimate.level_scatter if options.estimator != "joint" else None
-    unseen, worse = levels_left_out(estimate, options) if options.estimator != "joint" else (None, [])
+    unseen, worse = leave_levels_out(estimate, options) if options.estimator != "joint" else (None, [])
     told += worse
     shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter, left_out=unseen)
     return shown, own, [*told, *parts]
@@ -147,17 +147,17 @@ def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOption
     theta[0] = np.exp(value)
     if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
         low[0], high[0] = low[0] + value - curve, high[0] + value - curve
-        return quoted(estimate.levels, theta, held, (low, high, degrees))
+        return quote_levels(estimate.levels, theta, held, (low, high, degrees))
     if free or not (estimate.slow.endless or tau2_open(estimate.levels, theta, (low, high)) or HOLDING & {*one.held}):
         if estimate.level_scatter > 0:
             beyond = np.maximum(0.5 * (high[0] - low[0]) - estimate.curve_half_width(), 0.0)
             low[0], high[0], degrees[0] = value - half - beyond, value + half + beyond, known
-        return quoted(estimate.levels, theta, held, (low, high, degrees))
+        return quote_levels(estimate.levels, theta, held, (low, high, degrees))
     # T_s with every slow part that is possible, C being held
     least, most = np.log(np.maximum([estimate.slow.Ts_low, estimate.slow.Ts_high], 1e-300))
     half = estimate.gain_half_width()
     low[0], high[0] = np.minimum(value, least) - half, np.maximum(value, most) + half
-    low[1], high[1] = wider(low[1], high[1])
+    low[1], high[1] = widen(low[1], high[1])
     high[2] = np.inf
     return LevelValues(estimate.levels, theta, held, low, high, degrees)
 
@@ -177,7 +177,7 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
     curve = np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
     if (estimate.scatter.repeats > 1).any():
         spread = float(np.sqrt(np.median(estimate.gain_scatter.expected[:, 0])))
-    found += (flat := levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread))
+    found += (flat := find_levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread))
     if part.Ts_through or (line := estimate.levels_about_curve) is None:
         return found
     return [*found, *levels_scatter(line, u, estimate.own_Ts[0], curve, by_curve=bool(flat))]
@@ -186,7 +186,7 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
 def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
     """T_s, τ1, τ2 of the model at the levels."""
     theta = _curves(one.part.parameters, levels)
-    return quoted(levels, theta, _all_held(one, theta, levels, share_free), one.ends)
+    return quote_levels(levels, theta, _all_held(one, theta, levels, share_free), one.ends)
 
 
 def _all_held(one: Standing, theta: Array, levels: Sequence[Level], share_free: bool) -> list[tuple[str, ...]]:
@@ -202,9 +202,9 @@ def _held(one: Standing) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for code in one.held for name in HELD_BY.get(code, ())))
 
 
-def white(one: Standing, estimate: Estimate) -> Standing:
+def by_textbook(one: Standing, estimate: Estimate) -> Standing:
     """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
-    data, turn = estimate.solved.steps.data, turned(estimate.model)
+    data, turn = estimate.solved.steps.data, map_unknowns(estimate.model)
     covariance, spare = textbook_covariance(data, estimate.model, one.unknowns)
     value, D = estimate.numbers(data.u, one.unknowns)
     reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("klp,pq,klq->kl", D, covariance, D), 0.0))
@@ -218,7 +218,7 @@ def _curves(p: Plant, levels: Sequence[Level]) -> Array:
     return np.array([p.steady(u), *p.time_constants(u), np.full(len(u), p.C)])
 
 
-def of_joint(part: results.Nonlinear, joint: Solution, estimate: Estimate) -> Standing:
+def take_joint(part: results.Nonlinear, joint: Solution, estimate: Estimate) -> Standing:
     """The paper's joint fit as the model, by how its unknowns answer to the runs."""
     at, x, model = joint.at, joint.x, estimate.model
     take = joint.steps.M.transpose(1, 0, 2)
@@ -228,23 +228,23 @@ def of_joint(part: results.Nonlinear, joint: Solution, estimate: Estimate) -> St
         gain = 0 * gain
         for i in range(len(estimate.levels)):
             own = take[i].T @ at.information[i] @ take[i]
-            alone.append(corrected(own, back, -take[i].T @ at.score[i])[None])
+            alone.append(correct_score(own, back, -take[i].T @ at.score[i])[None])
     influence = Influence(gain, estimate.scatter.of_levels, np.concatenate(alone) @ back, estimate.single_degrees)
     u = joint.steps.data.u
     value, slopes = estimate.numbers(u, x)
     other = estimate.numbers(u, estimate.coefficients)[0]
     variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, model.size)).variance())
     reach = t_quantile(degrees) * np.hypot(np.sqrt(variance), value - other)
-    turn = turned(model)
+    turn = map_unknowns(model)
     apart = turn @ (x - estimate.coefficients)
     covariance = turn @ influence.covariance() @ turn.T + np.outer(apart, apart)
     return Standing(part, x, joint.held, covariance, (value - reach, value + reach, degrees))
 
 
-def from_draws(one: Standing, estimate: Estimate, u: Array, draws: Array) -> Standing:
+def take_draws(one: Standing, estimate: Estimate, u: Array, draws: Array) -> Standing:
     """The same with intervals from refits to resampled runs; those that run away (a lost τ2) count by rank."""
     near = np.array([estimate.numbers(u, x)[0] for x in draws])
-    c = draws @ turned(estimate.model).T
+    c = draws @ map_unknowns(estimate.model).T
     size, middle = spread_of(c), np.median(c, axis=0)
     tame = np.clip(c, middle - 3 * size, middle + 3 * size)
     sd = tame.std(axis=0)

@@ -17,7 +17,7 @@ from eaid.estimate.forms import nonlinear
 from eaid.estimate.solver import bring_in
 from eaid.estimate.starts import form_starts
 from eaid.findings import Finding, finding
-from eaid.levels.from_steps import Solution, StepProblem, minimised
+from eaid.levels.from_steps import Solution, StepProblem, minimise
 from eaid.plant.dynamics import SHARE, Plant, Step
 from eaid.plant.steps import rise, step_response
 from eaid.results.models import Release
@@ -31,7 +31,7 @@ def fit_falls(data: Data, shares: Array) -> Solution:
     model, alike = replace(nonlinear(data.u[:1], float(shares[0])), Ts=None), np.ones(len(shares))
     steps = StepProblem(data, model, alike, shares=shares)
     starts = [bring_in(x, steps.inner, steps.problem) for x in form_starts(model, data, alike)]
-    return minimised(steps, sorted(starts, key=lambda x: steps.normal(x)[0])[:FALL_STARTS], records=1.0)
+    return minimise(steps, sorted(starts, key=lambda x: steps.normal(x)[0])[:FALL_STARTS], records=1.0)
 
 
 def sizes(solved: Solution, data: Data) -> Array:

@@ -26,7 +26,7 @@ WORSE = 0.5  # Part of what is left unexplained by which a model may fall where 
 FALL_PCT = 10.0  # … and never less than this
 
 
-def worse_unseen(fit_pct: float | None, held_pct: float | None, what: str) -> list[Finding]:
+def judge_unseen(fit_pct: float | None, held_pct: float | None, what: str) -> list[Finding]:
     """Where a model must not be used: it falls too far where it has not seen, or below 0."""
     if fit_pct is None or held_pct is None:
         return []
@@ -35,7 +35,7 @@ def worse_unseen(fit_pct: float | None, held_pct: float | None, what: str) -> li
     return [finding("hold-out-fails", "nonlinear", (), fit_pct=fit_pct, held_pct=held_pct, what=what)]
 
 
-def levels_left_out(estimate: Estimate, options: FitOptions) -> tuple[LevelsLeftOut | None, list[Finding]]:
+def leave_levels_out(estimate: Estimate, options: FitOptions) -> tuple[LevelsLeftOut | None, list[Finding]]:
     """How the model holds at levels that it was fitted without, T_s as the option «curve» has it, and whether it must
     not be used for it; None where there are too few levels."""
     levels, known = estimate.levels, estimate.plant(options)
@@ -62,13 +62,13 @@ def levels_left_out(estimate: Estimate, options: FitOptions) -> tuple[LevelsLeft
         worst=levels[of[worst]].level,
         worst_off_pct=100 * off[worst],
     )
-    if worse_unseen(of_shape, shape_missed, "levels") or not _by_chance(estimate, of, np.array(off)):
+    if judge_unseen(of_shape, shape_missed, "levels") or not _missed_by_chance(estimate, of, np.array(off)):
         # a curve through the levels fits each of them by itself: that it falls between them is no fault
-        return found, worse_unseen(missed if options.through else seen, missed, "levels")
+        return found, judge_unseen(missed if options.through else seen, missed, "levels")
     return found, []
 
 
-def _by_chance(estimate: Estimate, of: list[int], off: Array) -> bool:
+def _missed_by_chance(estimate: Estimate, of: list[int], off: Array) -> bool:
     """Whether levels are missed by no more than their runs' gains scatter."""
     if estimate.model.Ts is None or not (estimate.scatter.repeats > 1).any():
         return False

@@ -22,13 +22,13 @@ from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels.adequacy import adequacy, share_of
 from eaid.levels.bootstrap import bootstrap, drawn_ends
-from eaid.levels.certainty import Estimate, levels_first
-from eaid.levels.creep import besides
+from eaid.levels.certainty import Estimate, estimate_levels_first
+from eaid.levels.creep import find_share_and_creep
 from eaid.levels.each_level import OwnLevels, own_levels
-from eaid.levels.friction import friction_part, over_slow_parts, quoted, white_ends
+from eaid.levels.friction import friction_part, quote_levels, reach_over_slow_parts, white_ends
 from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
-from eaid.levels.huber import huber_findings, with_loss
-from eaid.levels.jitter import Starts, in_step, starts_apart
+from eaid.levels.huber import fit_with_loss, huber_findings
+from eaid.levels.jitter import Starts, find_starts_apart, lay_in_step
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import nonlinear_part
 from eaid.levels.release import release_fit
@@ -40,8 +40,8 @@ from eaid.results.fit import Fit, FitGiven
 from eaid.results.models import CreepFound, FittedData, Friction, LackOfFit, Release, Uncertainty
 from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged
-from eaid.shapes.delay import Begin, dead_time_of, set_behind
-from eaid.shapes.each_step import between_rows, of_another_shape, single_steps
+from eaid.shapes.delay import Begin, cut_behind, dead_time_of
+from eaid.shapes.each_step import between_rows, fit_another_shape, fit_single_steps
 from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level, StepSet
 
@@ -53,19 +53,19 @@ SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of th
 LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 
 
-def quotable(value: Any) -> Any:
+def keep_quotable(value: Any) -> Any:
     """The same with unknown numbers as None, intervals with such an end as a whole; itself where all are known."""
     if isinstance(value, msgspec.Struct):
         old = {name: getattr(value, name) for name in value.__struct_fields__}
-        changed = {name: new for name, have in old.items() if (new := quotable(have)) is not have}
+        changed = {name: new for name, have in old.items() if (new := keep_quotable(have)) is not have}
         return msgspec.structs.replace(value, **changed) if changed else value
     if isinstance(value, tuple):
         if len(value) == 2 and all(isinstance(end, float) for end in value):
             return value if all(map(_known, value)) else None
-        items = tuple(map(quotable, value))
+        items = tuple(map(keep_quotable, value))
         return value if all(a is b for a, b in zip(items, value, strict=True)) else items
     if isinstance(value, dict):
-        entries = {name: quotable(item) for name, item in value.items()}
+        entries = {name: keep_quotable(item) for name, item in value.items()}
         return value if all(entries[name] is value[name] for name in value) else entries
     return None if isinstance(value, float) and not _known(value) else value
 
@@ -90,18 +90,18 @@ def fit_steps(
         if stepset.levels or not stepset.level_steps:
             begin = dead_time_of(stepset, options)
             stepset = stepset.noted_late(-begin.dead_time_s)
-            recorded, stepset = stepset, set_behind(stepset, begin.dead_time_s)
+            recorded, stepset = stepset, cut_behind(stepset, begin.dead_time_s)
             result, scatter = _fit_levels(stepset, options, progress)
-            if starts is None and (found := starts_apart(scatter)) is not None:
-                return fit_steps(in_step(as_given, found), options, progress, found)
+            if starts is None and (found := find_starts_apart(scatter)) is not None:
+                return fit_steps(lay_in_step(as_given, found), options, progress, found)
             no_step = [one for one in result.findings if one.code in NO_STEP]
             if no_step and sum(len(one.levels) for one in no_step) < len(stepset.levels) - len(options.hold_out):
                 stepset, recorded = stepset.without(no_step), recorded.without(no_step)
                 result = _fit_levels(stepset, options, progress)[0]
-            stepset, result = _with_what_is_beside(recorded, stepset, result, options, progress)
+            stepset, result = _fit_beside(recorded, stepset, result, options, progress)
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
-        shapes = single_steps(stepset, options)
+        shapes = fit_single_steps(stepset, options)
         if not (stepset.levels or shapes):
             raise DataError(
                 "the logs hold no rise, from rest or between levels, and a fall alone does not tell what was held; "
@@ -109,7 +109,7 @@ def fit_steps(
             )
         codes = {one.code for one in (*result.findings, *stepset.all_findings)}
         if another := not shapes and bool(codes & OTHER_SHAPES):
-            shapes = of_another_shape(stepset, options)
+            shapes = fit_another_shape(stepset, options)
         of_C = bool(codes & {"runs-reject-the-share", "share-by-evidence"})  # which says it of all steps
         of_shapes = [
             warning for shape in shapes for warning in shape.findings
@@ -122,25 +122,25 @@ def fit_steps(
             result = msgspec.structs.replace(
                 result, friction=msgspec.structs.replace(part, levels=(*part.levels, *rows))
             )
-        told = with_plant(msgspec.structs.replace(result, steps=shapes), stepset, begin)
-        result = quotable(told)
+        told = add_plant(msgspec.structs.replace(result, steps=shapes), stepset, begin)
+        result = keep_quotable(told)
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
-        of_logs = [asked_again(one, options) for one in stepset.all_findings]
+        of_logs = [repeat_options(one, options) for one in stepset.all_findings]
         of_logs += [] if starts is None else [starts.told]
         every = (*of_logs, *result.findings, *begin.findings, *of_shapes, *beyond_measure)
         return judged(
             msgspec.structs.replace(
                 result,
                 steps=shapes,
-                options=given(options, stepset),
+                options=list_options(options, stepset),
                 seed=options.seed,
-                converged=converged(result),
-                findings=ranked(or_rest(one, result.release) for one in every),
+                converged=has_converged(result),
+                findings=ranked(add_release(one, result.release) for one in every),
             )
         )
 
 
-def _with_what_is_beside(
+def _fit_beside(
     recorded: StepSet, behind: StepSet, result: Fit, options: FitOptions, progress: Callable[[], None] | None
 ) -> tuple[StepSet, Fit]:
     """The set as recorded and the fit of it `behind` its dead time, with a C of its own and without a creep of its
@@ -152,7 +152,7 @@ def _with_what_is_beside(
     asked = unheld and "rise-of-the-rig" not in codes and share is not None and (share.rejected or decays or single)
     if share is None or result.nonlinear is None or not asked:
         return recorded, result
-    free, creep = besides(behind, share, SHARE)
+    free, creep = find_share_and_creep(behind, share, SHARE)
     if creep is None and (decays or not free):
         return recorded, result
     told, without = list[Finding](), (recorded, result)
@@ -179,16 +179,16 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     record overflow on the way."""
     if not stepset.levels:
         raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
-    models = models_chosen(stepset.kind, options.model)
+    models = choose_models(stepset.kind, options.model)
     if options.loss == "huber" and options.ci == "bootstrap":
         raise UsageError("«ci» bootstrap: refits by squares, not by «loss» huber; take robust")
     if options.through:
         refuse_through(stepset, options, models)
-    kept, held_out = split(stepset.levels, options.hold_out)
+    kept, held_out = split_held_out(stepset.levels, options.hold_out)
     data, whole = data_of(kept, stepset.creep), stepset
     stepset = replace(stepset, levels=kept)
     with np.errstate(all="ignore"):
-        fitted = _of_the_model if "nonlinear" in models else _of_each_level
+        fitted = _fit_model if "nonlinear" in models else _fit_each_level
         result, near = fitted(stepset, data, models, options, held_out, progress)
         scatter, share = near.scatter, None
         drift = session_drift(scatter, stepset.runs)
@@ -223,7 +223,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     return msgspec.structs.replace(result, findings=tuple(findings)), scatter
 
 
-def _of_the_model(
+def _fit_model(
     stepset: StepSet,
     data: Data,
     models: Sequence[str],
@@ -233,8 +233,10 @@ def _of_the_model(
 ) -> tuple[Fit, Estimate | OwnLevels]:
     """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
     levels, share = stepset.levels, options.held_share
-    first, huber = with_loss(data, options.loss, lambda d, near: levels_first(levels, d, share, near), _missed)
-    joint, of_joint = with_loss(
+    first, huber = fit_with_loss(
+        data, options.loss, lambda d, near: estimate_levels_first(levels, d, share, near), _missed
+    )
+    joint, of_joint = fit_with_loss(
         data,
         options.loss,
         lambda d, near: fit_nonlinear(d, share) if near is None else refit_nonlinear(d, near),
@@ -259,7 +261,7 @@ def _missed(one: Estimate | OwnLevels, data: Data) -> list[Array]:
     return level_residuals(one.scatter.theta, data.records)
 
 
-def _of_each_level(
+def _fit_each_level(
     stepset: StepSet,
     data: Data,
     models: Sequence[str],
@@ -269,10 +271,10 @@ def _of_each_level(
 ) -> tuple[Fit, Estimate | OwnLevels]:
     """Every level by itself, with trends over the levels; their estimates."""
     levels, share = stepset.levels, options.held_share
-    own, huber = with_loss(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _missed)
+    own, huber = fit_with_loss(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _missed)
     if "friction" not in models:
         return Fit(), own
-    ends = over_slow_parts(own, own.intervals)
+    ends = reach_over_slow_parts(own, own.intervals)
     if options.ci == "white":
         ends = white_ends(own.scatter)
     elif options.ci == "bootstrap":  # refits that run away count by rank
@@ -289,7 +291,7 @@ def _of_each_level(
             progress,
         )
         ends = drawn_ends(logs(own.scatter.theta), near, ends[2])
-    values = quoted(levels, own.scatter.theta, own.scatter.held, ends)
+    values = quote_levels(levels, own.scatter.theta, own.scatter.held, ends)
     part, findings = friction_part(stepset, values, data, options, own, held_out)
     findings += huber_findings("friction", huber)
     return Fit(friction=part, findings=tuple(findings)), own
@@ -352,7 +354,7 @@ def usual_idle(stepset: StepSet) -> float:
     return median(known) if known else 0.0
 
 
-def with_plant(result: Fit, stepset: StepSet, begin: Begin) -> Fit:
+def add_plant(result: Fit, stepset: StepSet, begin: Begin) -> Fit:
     """A fit of steps with the plant that every later command reads; curves of levels behind their dead time, too."""
     dead_time_s = begin.dead_time_s
     if result.friction is not None and dead_time_s:
@@ -369,13 +371,13 @@ def with_plant(result: Fit, stepset: StepSet, begin: Begin) -> Fit:
     return msgspec.structs.replace(result, plant_=FittedPlant.of(timed, units, ci95))
 
 
-def converged(result: Fit) -> bool:
+def has_converged(result: Fit) -> bool:
     """Whether every model that was fitted passed our verdict."""
     parts = (result.friction, result.nonlinear, result.linear, result.release)
     return all(part.solver is None or part.solver.converged for part in parts if part is not None)
 
 
-def models_chosen(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
+def choose_models(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
     """The models to fit; raises UsageError for one that the kind does not allow."""
     allowed = MODELS if kind == "clutch" else ("friction",)
     for name in wanted or ():
@@ -394,7 +396,7 @@ def refuse_through(stepset: StepSet, options: FitOptions, models: Sequence[str])
         raise UsageError("«curve» levels: needs repeats, for a single run does not tell its level from itself")
 
 
-def split(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Level, ...], tuple[Level, ...]]:
+def split_held_out(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[tuple[Level, ...], tuple[Level, ...]]:
     """The levels to fit and those held out; raises UsageError where a held-out level is not there."""
     there = [level.level for level in levels]
     for wanted in hold_out:
@@ -448,7 +450,7 @@ def data_of_steps(stepset: StepSet) -> FittedData:
 OTHER_SHAPES = {"repeats-miss-alike", "output-decays-under-hold"}  # Findings that ask what shape single steps have
 
 
-def asked_again(found: Finding, options: FitOptions) -> Finding:
+def repeat_options(found: Finding, options: FitOptions) -> Finding:
     """A finding whose commands repeat this call, with the options of the fit beside those of reading."""
     if "options" not in found.values:
         return found
@@ -456,7 +458,7 @@ def asked_again(found: Finding, options: FitOptions) -> Finding:
     return msgspec.structs.replace(found, values={**found.values, "options": both})
 
 
-def or_rest(found: Finding, release: Release | None) -> Finding:
+def add_release(found: Finding, release: Release | None) -> Finding:
     """A creep downwards, with the release that may be behind it."""
     falls = found.values.get("slope", found.values.get("rate"))
     if found.code not in ("output-creeps", "creep-taken-off") or release is None or not float(falls or 0) < 0:  # type: ignore[arg-type]
@@ -464,7 +466,7 @@ def or_rest(found: Finding, release: Release | None) -> Finding:
     return msgspec.structs.replace(found, values={**found.values, "release_s": release.tau2})
 
 
-def given(options: FitOptions, stepset: StepSet) -> FitGiven:
+def list_options(options: FitOptions, stepset: StepSet) -> FitGiven:
     """The options as fit.json keeps them, beside those of reading."""
     values = {name: getattr(options, name) for name in forms(FitOptions)}
     return FitGiven(**values, reading=dict(stepset.reading))

@@ -24,7 +24,7 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
-from eaid.recorded.from_logs import Setup, ended_near, setup_of
+from eaid.recorded.from_logs import Setup, fit_near, setup_of
 from eaid.recorded.log_intervals import engagements, spread
 from eaid.results.models import Noise
 from eaid.results.plan import PlannedRun
@@ -139,6 +139,6 @@ def session_widths(p: Plant, noise: Noise, runs: Sequence[PlannedRun], k: int, s
     setup = replace(setup, drives=setup.every.drives, copies=())
     if steps.late:
         x, setup = steps.unknowns, replace(setup, extras=("dead",))
-    solved = ended_near(setup, np.append(x, np.zeros(setup.size - len(x))))
+    solved = fit_near(setup, np.append(x, np.zeros(setup.size - len(x))))
     slopes = np.pad(steps.slopes, ((0, 0), (0, 0), (0, setup.size - steps.slopes.shape[2])))
     return np.asarray(np.apply_along_axis(spread(solved).of, 2, slopes).max(axis=1))

@@ -10,7 +10,7 @@ import numpy as np
 
 from eaid.estimate.data import data_of
 from eaid.findings import finding
-from eaid.levels.certainty import levels_first
+from eaid.levels.certainty import estimate_levels_first
 from eaid.levels.each_level import own_levels
 from eaid.options import PlanOptions
 from eaid.planning.kinds import PARAMETERS, is_clutch, session_widths
@@ -80,7 +80,7 @@ def plan_recordings(fit: Fit, options: PlanOptions, progress: Callable[[], None]
         levels = experiment(plan, plant, noise, options.seed + 100_000 * k)
         data = data_of(levels)
         if plant.kind == "clutch" and len(levels) > 1:  # of the curves
-            low, high, _ = levels_first(levels, data, rig.share).intervals(data.u)
+            low, high, _ = estimate_levels_first(levels, data, rig.share).intervals(data.u)
         else:
             low, high, _ = own_levels(levels, data, rig.share).intervals
         return dict(zip(PARAMETERS, percent(0.5 * (high - low).max(axis=1)).tolist(), strict=True))

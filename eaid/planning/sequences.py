@@ -27,7 +27,7 @@ from eaid.plant.drive import ROW_NUMBER, Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven
 from eaid.recorded.curve_intervals import held
-from eaid.recorded.from_logs import finished, setup_of
+from eaid.recorded.from_logs import finish, setup_of
 from eaid.recorded.log_intervals import spread
 from eaid.results.fit import Fit
 from eaid.results.models import Noise
@@ -246,7 +246,7 @@ def recording_widths(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int
     duties = np.linspace(*p.u_range, WIDTH_INPUTS)
     model = nonlinear(duties, p.C)
     setup = setup_of(model, [RecordedLog("planned", time_s, duty[place], output)])
-    solved = finished(setup, [np.append(model.unknowns(p), np.zeros(setup.size - model.size))])
+    solved = finish(setup, [np.append(model.unknowns(p), np.zeros(setup.size - model.size))])
     known, slopes = spread(solved), setup.slopes(duties)
     half = np.apply_along_axis(known.of, 2, slopes) / (slopes @ solved.x)
     unknown = [name in held(solved) for name in PARAMETERS]

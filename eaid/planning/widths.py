@@ -18,7 +18,7 @@ from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw
 from eaid.estimate.forms import friction, nonlinear
-from eaid.estimate.scatter import ASSUMED, neighbours
+from eaid.estimate.scatter import ASSUMED, weigh_neighbours
 from eaid.estimate.spread import satterthwaite, t_quantile
 from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.options import PlanOptions
@@ -330,7 +330,7 @@ class FittedRig:
         factor = sure / random.chisquare(sure, SESSION_DRAWS) if sure > 0 else np.ones(SESSION_DRAWS)
         own = np.full(count, repeats - 1)
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):  # what nothing tells is infinite
-            parts = (within + factor[:, None, None, None] * between) @ neighbours(own) / repeats
+            parts = (within + factor[:, None, None, None] * between) @ weigh_neighbours(own) / repeats
             usual = parts.sum(axis=3)
             degrees = np.nan_to_num((repeats - 1) * usual**2 / (parts**2).sum(axis=3), nan=1.0)
             seen = (parts * random.chisquare(own, (SESSION_DRAWS, len(within), 1, count)) / own).sum(axis=3)

@@ -14,19 +14,19 @@ import numpy as np
 from eaid.arrays import white_squares
 from eaid.errors import DataError
 from eaid.estimate import forms
-from eaid.estimate.recorded_log import RecordedLog, behind_rest, logs_of_steps
+from eaid.estimate.recorded_log import RecordedLog, add_rest, logs_of_steps
 from eaid.findings import merged, ranked
 from eaid.levels.asks import asks_for_one_lag
 from eaid.levels.release import release_of
 from eaid.levels.workflow import usual_idle
 from eaid.options import FitOptions
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import beside_white
+from eaid.recorded.choice import subtract_white_noise
 from eaid.recorded.fit import chosen_of, experiment_of, fit_of
 from eaid.recorded.plant_part import levels_of_plant
 from eaid.results.fit import Fit
 from eaid.results.verdict import judged
-from eaid.shapes.delay import set_behind
+from eaid.shapes.delay import cut_behind
 from eaid.steps.stepset import StepSet, as_late
 
 REST_ROWS = 20  # Before a step
@@ -45,7 +45,7 @@ AS_WELL_SHAPED = 1.1  # What it leaves of the steps' shapes over what these leav
 LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 
 
-def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: float = 0.0) -> Fit:
+def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: float = 0.0) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
     whose two lags meet, or behind a peak, where one explains as much, or another kind far more."""
     if not stepset.levels or options.model is not None or options.through:
@@ -53,7 +53,7 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: f
     late_s = late_s or fit.noted_late_s
     stepset = stepset.noted_late(late_s)
     # behind the rest lies a dead time, or in it what an input that was noted late did
-    logs = [replace(behind_rest(log, REST_ROWS), source="") for log in logs_of_steps(stepset)]
+    logs = [replace(add_rest(log, REST_ROWS), source="") for log in logs_of_steps(stepset)]
     how = replace(options, ci="none" if options.ci == "none" else "robust")
     one = "lag+dead" if fit.dead_time_s > 0 else "lag"
     try:
@@ -70,8 +70,8 @@ def with_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: f
             other = fit_of(experiment, chosen)
             if takes_its_place(other, fit, logs):
                 if other.noted_late_s and not late_s:  # its holds end before the fall that came as early
-                    return with_another_kind(fit, stepset, options, other.noted_late_s)
-                return in_its_place(other, fit, stepset)
+                    return try_another_kind(fit, stepset, options, other.noted_late_s)
+                return put_in_its_place(other, fit, stepset)
     except DataError:  # what short windows of steps show is no reason to refuse them
         return fit
     return fit
@@ -90,7 +90,7 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
     as_well = part.plant.kind == "lag" and whole[0] >= whole[1] - AS_WELL_PCT
     as_well = as_well and 100 - shapes[0] <= AS_WELL_SHAPED * (100 - shapes[1])
     swings = part.plant.kind in ("ringing", "series", "overshoot")
-    left, of_clutch = beside_white(((100 - shapes[0]) ** 2, (100 - shapes[1]) ** 2), noise_pct(logs) ** 2)
+    left, of_clutch = subtract_white_noise(((100 - shapes[0]) ** 2, (100 - shapes[1]) ** 2), noise_pct(logs) ** 2)
     far_better = swings and left <= FAR_BETTER**2 * of_clutch
     explains = whole[0] >= LEAST_PCT or min(explained_pct(other, [log], True) for log in logs) >= LEAST_PCT
     return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
@@ -121,7 +121,7 @@ def noise_pct(logs: Sequence[RecordedLog]) -> float:
     return 100 * float(np.sqrt(noise / total)) if total > 0 else 0.0
 
 
-def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
+def put_in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     """A fit of steps with the plant of another fit of them."""
     part = other.plant_
     assert part is not None
@@ -139,7 +139,7 @@ def in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
         kept = [one for one in kept if not as_late(one, late_s, 1 / (fit.data.sample_rate_hz or np.inf))]
     idle = usual_idle(stepset)  # which the steps were cut from
     named = msgspec.structs.replace(part, input_unit=fit.data.input_unit, output_unit=fit.data.output_unit, idle=idle)
-    if (release := release_of(part.plant, set_behind(stepset, part.dead_time_s))) is not None:
+    if (release := release_of(part.plant, cut_behind(stepset, part.dead_time_s))) is not None:
         named = msgspec.structs.replace(named, release=(release.tau1, release.tau2))
     changed: dict[str, Any] = {"nonlinear": other.nonlinear, "linear": other.linear, "release": release}
     changed["friction"] = levels_of_plant(named, fit.data.levels)

@@ -10,26 +10,26 @@ from scipy.special import chdtri
 from eaid.arrays import white_squares
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
-from eaid.estimate.recorded_log import RecordedLog, behind_rest, shifted, without_creep
+from eaid.estimate.recorded_log import RecordedLog, add_rest, shift_input, take_off_creep
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE, share_is_told
 from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
-from eaid.recorded.creep import LEAST_GAIN, by_noise, creeping, drifting, sure, with_creeps
+from eaid.recorded.creep import LEAST_GAIN, by_noise, find_creeps, find_gain_drift, refit_with_creeps, sure
 from eaid.recorded.curve_intervals import curves
-from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, seen, tested, with_falls
+from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, fit_with_falls, list_tests, test_falls
 from eaid.recorded.from_logs import (
     Setup,
     Solved,
-    ended_near,
+    fit_near,
     fit_setup,
+    fit_through_levels,
     idle_found,
     plant_found,
     setup_of,
     start_states,
-    through_levels,
 )
 from eaid.recorded.inputs import FEW_LEVELS, MANY_LEVELS, Excited
 from eaid.recorded.kinds import (
@@ -37,11 +37,11 @@ from eaid.recorded.kinds import (
     LagKind,
     Search,
     Tried,
-    independent_of,
+    count_independent,
     integrates,
-    of_evidence,
-    on_all,
-    with_scores,
+    refit_on_all,
+    score_kinds,
+    try_every_kind,
 )
 from eaid.recorded.late import (
     LEAST_CHANGES,
@@ -49,10 +49,10 @@ from eaid.recorded.late import (
     ON_TIME,
     Delay,
     common_delay,
+    cost_with_moved_inputs,
     delays,
+    fit_behind_dead_time,
     follows_output,
-    moved_cost,
-    timed,
 )
 from eaid.recorded.left_over import drift_findings
 from eaid.recorded.log_intervals import spread
@@ -94,7 +94,7 @@ class Chosen:
 
     def of_kind(self, kind: str) -> "Chosen":
         """The best plant of a kind instead; itself where none was tried."""
-        return self if self.searched is None else taken(self.searched, kind)
+        return self if self.searched is None else choose_kind(self.searched, kind)
 
     @property
     def fell(self) -> tuple[str, ...]:
@@ -121,29 +121,29 @@ class Searched:
         return any(log.reference is not None for log in self.search.logs)
 
 
-def plant_of_logs(
+def choose_plant(
     logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
     of_steps_s: float, falls: bool,
 ) -> Chosen:  # fmt: skip
     """The plant of the logs, without a creep of their outputs where they show one; steps and loops are not asked."""
-    chosen = _chosen(logs, others, inputs, options, rests, of_steps_s, falls)
-    if others or not falls or answers(chosen.solved, chosen.logs):
+    chosen = _choose_plant(logs, others, inputs, options, rests, of_steps_s, falls)
+    if others or not falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
-    if (gains := drifting([one for one in (chosen.solved, chosen.clutch) if one is not None])) is not None:
+    if (gains := find_gain_drift([one for one in (chosen.solved, chosen.clutch) if one is not None])) is not None:
         rows = zip(chosen.logs, (100 * gains).tolist(), strict=True)
         told = [finding("gain-drifts", log.name, pct=pct) for log, pct in rows if abs(pct) > 100 * LEAST_GAIN]
         return replace(chosen, findings=[*chosen.findings, *told])
-    creeps = creeping(chosen.solved, chosen.clutch, chosen.logs)
+    creeps = find_creeps(chosen.solved, chosen.clutch, chosen.logs)
     if not creeps.any():
         return chosen
-    plain = [without_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
-    again = _chosen(plain, others, inputs, options, rests, of_steps_s, falls)
-    solved, without = with_creeps(again.solved, again.logs)
+    plain = [take_off_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
+    again = _choose_plant(plain, others, inputs, options, rests, of_steps_s, falls)
+    solved, without = refit_with_creeps(again.solved, again.logs)
     better = solved.cost < chosen.solved.cost - by_noise(solved, len(logs))
     return replace(again, solved=solved, logs=without) if better and sure(solved, without) else chosen
 
 
-def _chosen(
+def _choose_plant(
     logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
     of_steps_s: float, falls: bool,
 ) -> Chosen:  # fmt: skip
@@ -152,7 +152,7 @@ def _chosen(
     signed = any(float(log.input.min()) < 0 for log in logs)
     clutch = None
     if not signed:
-        clutch = _of_the_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
+        clutch = _fit_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
     inside, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
     beyond = asked is not None and not inside.min() <= asked[0] < asked[1] <= inside.max()
     alone = not others and options.share == SHARE and not beyond  # another kind says nothing of inputs never seen
@@ -163,49 +163,49 @@ def _chosen(
     # gains of these kinds extrapolate nothing: they hold for all that the logs hold, or their own play would be cut off
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
     late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
-    search, rows, late = _kinds_behind(logs, late, inputs, options, rivals)
+    search, rows, late = _try_kinds_behind(logs, late, inputs, options, rivals)
     if clutch is not None and falls:
-        rows = with_own_falls(search, rows, clutch, inputs)
+        rows = refit_with_own_falls(search, rows, clutch, inputs)
     ended = rows[0]
     searched = Searched(tuple(rows), search, tuple(logs), late, inputs, clutch, falls)
     if clutch is not None:
-        rows = beside_the_clutch(rows, search.logs, inputs, options.duty is None, searched.of_loops)
+        rows = rank_beside_clutch(rows, search.logs, inputs, options.duty is None, searched.of_loops)
     if rows[0] is not ended:  # the others stand as they were looked at
-        rows[0] = on_all(search, rows[0], last=True)
-    return taken(replace(searched, rows=tuple(rows)))
+        rows[0] = refit_on_all(search, rows[0], last=True)
+    return choose_kind(replace(searched, rows=tuple(rows)))
 
 
-def taken(searched: Searched, wanted: str = "") -> Chosen:
+def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     """The plant of the kind that evidence chooses, or of the best row of the one that is `wanted`."""
     rows, logs, clutch, inputs = list(searched.rows), searched.search.logs, searched.clutch, searched.inputs
     if wanted:
         rows = sorted(rows, key=lambda one: one.kind.name != wanted)
-        rows[0] = on_all(searched.search, rows[0], last=True)
-    best, total, of_loops = rows[0], sum(energy(log) for log in logs), searched.of_loops
+        rows[0] = refit_on_all(searched.search, rows[0], last=True)
+    best, total, of_loops = rows[0], sum(squares_about_mean(log) for log in logs), searched.of_loops
     explains = best.cost <= (1 - LITTLE_PCT / 100) ** 2 * total  # noise alone wanders, too
     if explains and not of_loops and integrates(searched.search, best):
-        raise DataError(*(integrator(log) for log in logs))
+        raise DataError(*(integrator_message(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
     signed = searched.search.signed
     falls = bool((plant_found(best.solved).curve(inputs.shown) < 0).all()) and not (signed or of_loops)
     if falls and (kinds[0].fit_pct or 0.0) > LITTLE_PCT and not drift_findings(best.solved, logs):
-        raise DataError(*(turned_round(log) for log in logs))
+        raise DataError(*(wrong_sign_message(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds, searched=searched)
-    of_lags = searched.falls and explains and not (signed or answers(best.solved, logs))
+    of_lags = searched.falls and explains and not (signed or input_answers_output(best.solved, logs))
     of_falls, found = tuple[FallTest, ...](), tuple[Finding, ...]()
-    if of_lags and (pair := as_pair(best.solved)) is not None:
-        solved, of_falls, found = tested(pair, inputs, free=True)
+    if of_lags and (pair := refit_as_two_lags(best.solved)) is not None:
+        solved, of_falls, found = test_falls(pair, inputs, free=True)
         if solved is not pair:  # the kind that is taken, with its falls
             best = replace(best, solved=solved)
             kinds = (kind_row(best, total, best.score), *kinds[1:])
-    told = _told(best, kinds, logs)
+    told = _kind_findings(best, kinds, logs)
     told += [more for one, log in zip(searched.late, searched.noted, strict=True) for more in one.told(log)]
     of_clutch = None if clutch is None else clutch.clutch
     return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], searched.late, of_clutch, searched)
 
 
-def beside_the_clutch(
+def rank_beside_clutch(
     rows: Sequence[Tried], logs: Sequence[RecordedLog], inputs: Excited, all_inputs: bool, of_loops: bool
 ) -> list[Tried]:
     """The kinds, the one to be taken first: the clutch's form stands where it explains as much, and gives way where the
@@ -214,25 +214,25 @@ def beside_the_clutch(
     first = rows[0]
     if own is first and all_inputs:
         simple = next(one for one in rows if one is not own)
-        explains = simple.cost <= LEFT * sum(energy(log) for log in logs)
+        explains = simple.cost <= LEFT * sum(squares_about_mean(log) for log in logs)
         well = simple.cost <= AS_WELL * own.cost
-        if (explains and never_near(own.solved, inputs)) or (well and leaves_open(own.solved, inputs)):
+        if (explains and lies_beyond_outputs(own.solved, inputs)) or (well and leaves_Ts_open(own.solved, inputs)):
             first = simple
     if own is not first:
-        noise = first.cost / independent_of(first.solved)
+        noise = first.cost / count_independent(first.solved)
         more = own.solved.setup.size - first.solved.setup.size
         parallel = plant_found(first.solved).kind == "parallel"
         same_form = parallel and own.cost <= first.cost + AS_MUCH * PRICE * noise  # with another C
         by_noise = float(chdtri(more, DEFAULT_CHANCE)) * noise if more > 0 else 0.0
         better = own.cost < first.cost - max(DEFAULT_SAVES * first.cost, by_noise)
-        if (same_form or better) and not leaves_open(own.solved, inputs):
+        if (same_form or better) and not leaves_Ts_open(own.solved, inputs):
             first = own
-    if of_loops and not far_better(first, own):  # noise that goes round a loop bends what has no instruments
+    if of_loops and not explains_far_better(first, own):  # noise that goes round a loop bends what has no instruments
         first = own
     return [first, *(one for one in rows if one is not first)]
 
 
-def _told(best: Tried, kinds: Sequence[KindTried], logs: Sequence[RecordedLog]) -> list[Finding]:
+def _kind_findings(best: Tried, kinds: Sequence[KindTried], logs: Sequence[RecordedLog]) -> list[Finding]:
     """What is said of a kind that takes the clutch's place."""
     theta_s = best.solved.fitted.dead_time(best.solved.x)
     own = next((one for one in kinds if one.kind == "clutch"), None)
@@ -247,7 +247,7 @@ def _told(best: Tried, kinds: Sequence[KindTried], logs: Sequence[RecordedLog]) 
     return [*told, *(finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0)]
 
 
-def as_pair(solved: Solved) -> Solved | None:
+def refit_as_two_lags(solved: Solved) -> Solved | None:
     """A fit of one lag, or of two real ones with a zero as two in parallel; None of what has no lags apart."""
     setup, x, model = solved.fitted, solved.x, solved.setup.model
     p = model.parameters(solved.coefficients)
@@ -260,49 +260,49 @@ def as_pair(solved: Solved) -> Solved | None:
     begin = [coefficients, x[model.size : setup.shared]]
     for log, place in enumerate(setup.places):
         begin.append(np.r_[x[place.own[0]], start_states(solved, log), x[place.own[3:]]][place.own >= 0])
-    return ended_near(pair, np.concatenate(begin))
+    return fit_near(pair, np.concatenate(begin))
 
 
-def with_own_falls(search: Search, rows: Sequence[Tried], clutch: Chosen, inputs: Excited) -> list[Tried]:
+def refit_with_own_falls(search: Search, rows: Sequence[Tried], clutch: Chosen, inputs: Excited) -> list[Tried]:
     """Kinds with one lag having falls of its own where the clutch has, or leaves its τ2 to them: the best and the
     simplest of it, for curves imitate falls."""
     names, lags = clutch.fell, [one for one in rows if one.kind.law == "lag"]
     near = rows[0].kind.name == "clutch" and lags[0].cost <= AS_WELL * rows[0].cost
-    if not names and near and not answers(clutch.solved, clutch.logs):
+    if not names and near and not input_answers_output(clutch.solved, clutch.logs):
         base = clutch.solved.setup
-        names = seen(base.drives, base.model.low, inputs.stepwise, free=True)
+        names = list_tests(base.drives, base.model.low, inputs.stepwise, free=True)
     if not names:
         return list(rows)
     both = list(dict.fromkeys((lags[0], min(lags, key=lambda one: one.solved.setup.size))))
-    ended = [on_all(search, one, last=True) for one in both]
-    fallen = [replace(one, solved=with_falls(one.solved, names)) for one in ended]
-    return with_scores([*fallen, *(one for one in rows if one not in both)])
+    ended = [refit_on_all(search, one, last=True) for one in both]
+    fallen = [replace(one, solved=fit_with_falls(one.solved, names)) for one in ended]
+    return score_kinds([*fallen, *(one for one in rows if one not in both)])
 
 
-def _kinds_behind(
+def _try_kinds_behind(
     logs: Sequence[RecordedLog], late: tuple[Delay, ...], inputs: Excited, options: FitOptions, rivals: Sequence[Tried],
     passes: int = 4,
 ) -> tuple[Search, list[Tried], tuple[Delay, ...]]:  # fmt: skip
     """Every kind fitted to the logs with their inputs where they acted, the best first; and how late these were noted
     by the best kind, which may move them again."""
-    acting = [shifted(log, one.rows) for log, one in zip(logs, late, strict=True)]
-    search = Search(tuple(at_rest(acting, inputs)), *inputs.ends, options.held_dead_time_s)
-    rows = of_evidence(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
+    acting = [shift_input(log, one.rows) for log, one in zip(logs, late, strict=True)]
+    search = Search(tuple(mark_resting_starts(acting, inputs)), *inputs.ends, options.held_dead_time_s)
+    rows = try_every_kind(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
-        shown = [since_known(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
+        shown = [drop_outputs_before(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
         if any(one is not log for one, log in zip(shown, logs, strict=True)):
-            return _kinds_behind(shown, late, inputs, options, rivals, passes - 1)
-    found = _late_by(rows[0].solved, search.logs, late, options)
-    most = rows[0].cost * (1 + PRICE / independent_of(rows[0].solved))  # that one unknown less leaves by noise
-    without_lead = _instead_of_a_lead(search, rows, late, options, most)
+            return _try_kinds_behind(shown, late, inputs, options, rivals, passes - 1)
+    found = _find_delays(rows[0].solved, search.logs, late, options)
+    most = rows[0].cost * (1 + PRICE / count_independent(rows[0].solved))  # that one unknown less leaves by noise
+    without_lead = _replace_lead(search, rows, late, options, most)
     found = without_lead or found
     if [one.rows for one in found] == [one.rows for one in late]:
         return search, rows, found
-    moved = _kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
+    moved = _try_kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
     return (search, rows, late) if without_lead and moved[1][0].cost > most else moved
 
 
-def since_known(log: RecordedLog, dead_s: float) -> RecordedLog:
+def drop_outputs_before(log: RecordedLog, dead_s: float) -> RecordedLog:
     """A log that does not begin at rest, without the outputs at which an input from before it still acts."""
     before = (log.time_s < log.time_s[0] + dead_s) & ~np.isnan(log.output)
     if log.starts_idle or log.reference is not None or not before.any():
@@ -310,7 +310,7 @@ def since_known(log: RecordedLog, dead_s: float) -> RecordedLog:
     return replace(log, output=np.where(before, np.nan, log.output))
 
 
-def _instead_of_a_lead(
+def _replace_lead(
     search: Search, rows: Sequence[Tried], late: tuple[Delay, ...], options: FitOptions, most: float
 ) -> tuple[Delay, ...]:
     """By how much inputs were noted late where the best kind has a zero, as that makes one, and the same lags without
@@ -318,12 +318,12 @@ def _instead_of_a_lead(
     plain = next((one for one in rows if one.kind.law == "swing" and not (one.kind.zero or one.kind.late)), None)
     if not rows[0].kind.zero or rows[0].kind.late or plain is None:
         return ()
-    found = _late_by(plain.solved, search.logs, late, options)
+    found = _find_delays(plain.solved, search.logs, late, options)
     more = [new.rows - old.rows for new, old in zip(found, late, strict=True)]
-    return found if any(more) and moved_cost(plain.solved, search.logs, more) <= most else ()
+    return found if any(more) and cost_with_moved_inputs(plain.solved, search.logs, more) <= most else ()
 
 
-def _late_by(
+def _find_delays(
     solved: Solved, acting: Sequence[RecordedLog], late: tuple[Delay, ...], options: FitOptions
 ) -> tuple[Delay, ...]:
     """By how much inputs were noted late, by a kind fitted with them `late`; what moved them too far is its dead
@@ -340,19 +340,19 @@ def _late_by(
     return tuple(one if one.rows > 0 else ON_TIME for one in moved)
 
 
-def far_better(one: Tried, own: Tried) -> bool:
+def explains_far_better(one: Tried, own: Tried) -> bool:
     """Whether a kind leaves far less of a loop's log than the clutch."""
-    left, of_clutch = beside_white((one.cost, own.cost), sum(map(white_squares, one.solved.missed)))
+    left, of_clutch = subtract_white_noise((one.cost, own.cost), sum(map(white_squares, one.solved.missed)))
     return left <= LOOPS_BETTER * of_clutch
 
 
-def beside_white(squares: tuple[float, float], white: float) -> tuple[float, float]:
+def subtract_white_noise(squares: tuple[float, float], white: float) -> tuple[float, float]:
     """What two fits leave, without the white noise that hides how they differ where it is most of the first's."""
     noise = white if white >= MOSTLY * squares[0] else 0.0
     return max(squares[0] - noise, 0.0), max(squares[1] - noise, 0.0)
 
 
-def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
+def mark_resting_starts(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
     """The logs, those that begin with some rows at rest known to be at rest where the output does not deny it."""
     found = []
     for log in logs:
@@ -365,11 +365,11 @@ def at_rest(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
     return found
 
 
-def switched_on(log: RecordedLog, inputs: Excited) -> RecordedLog:
+def add_rest_before(log: RecordedLog, inputs: Excited) -> RecordedLog:
     """A log that begins with its input on, behind the rest before it where a dead time shows that there was one."""
     if log.idle_start is not None or log.input[0] == 0 or np.ptp(log.input) == 0 or log.reference is not None:
         return log
-    resting = behind_rest(log)
+    resting = add_rest(log)
     costs = [quick_cost(Search((one,), inputs.low, inputs.high)) for one in (resting, log)]
     return resting if costs[0] < (1 - LOWER) * costs[1] else log
 
@@ -394,25 +394,25 @@ def quick_cost(search: Search) -> float:
     return least
 
 
-def never_near(solved: Solved, inputs: Excited) -> bool:
+def lies_beyond_outputs(solved: Solved, inputs: Excited) -> bool:
     """Whether T_s of a fit lies far beyond what the logs have reached."""
     reached = max(float(np.abs(y - idle_found(solved, k)).max(initial=0.0)) for k, y in enumerate(solved.outputs))
     return float(np.abs(solved.curves(inputs.shown).steady).max()) > BEYOND_REACHED * reached
 
 
-def leaves_open(solved: Solved, inputs: Excited) -> bool:
+def leaves_Ts_open(solved: Solved, inputs: Excited) -> bool:
     """Whether the logs leave T_s of a fit open at half of its inputs or more."""
     known = curves(solved, spread(solved), inputs.shown)
     return bool(np.mean(known.half_width[0] > OPEN_TS) >= 0.5)
 
 
-def _of_the_clutch(
+def _fit_clutch(
     logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
     of_steps_s: float, falls: bool,
 ) -> Chosen:  # fmt: skip
     """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
     base = fit_setup(setup_of(forms.nonlinear(inputs.basis, options.held_share), [*logs, *others], rests))
-    behind = timed(base, logs, others, options.held_dead_time_s, of_steps_s)
+    behind = fit_behind_dead_time(base, logs, others, options.held_dead_time_s, of_steps_s)
     base, findings = behind.solved, []
     theta_s = base.fitted.dead_time(base.x)
     for log, one in zip(logs, behind.late, strict=True):
@@ -420,37 +420,37 @@ def _of_the_clutch(
             findings += one.told(log)
         elif theta_s > 0:
             findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
-    free = not answers(base, behind.logs)
-    if free and options.share == SHARE and not others and (found := with_share_free(base)) is not None:
+    free = not input_answers_output(base, behind.logs)
+    if free and options.share == SHARE and not others and (found := refit_with_share_free(base)) is not None:
         base, ends = found
         low, high = (base.x[base.setup.model.size - 1] + np.array([-ends, ends])).tolist()
         findings.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=(low + high) / 2, low=low, high=high))
     if options.through:
-        base = curve_through(base, inputs)
+        base = refit_through_levels(base, inputs)
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
-        base, of_falls, more = tested(base, inputs, free)
+        base, of_falls, more = test_falls(base, inputs, free)
         findings += more
     return Chosen(base, behind.logs, of_falls, (), findings, behind.late, plain)
 
 
-def curve_through(base: Solved, inputs: Excited) -> Solved:
+def refit_through_levels(base: Solved, inputs: Excited) -> Solved:
     """A fit with T_s(u) through the values of the levels that its logs hold."""
     if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
         raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
-    return through_levels(base, inputs.levels)
+    return fit_through_levels(base, inputs.levels)
 
 
-def answers(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
+def input_answers_output(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
     """Whether the input of some log answers its output, as a loop's does."""
     return any(log.reference is not None or follows_output(solved, k, log) for k, log in enumerate(logs))
 
 
-def with_share_free(held: Solved) -> tuple[Solved, float] | None:
+def refit_with_share_free(held: Solved) -> tuple[Solved, float] | None:
     """A fit with C free, and its half-width, where logs reject the one that was held and tell another."""
     setup, at = held.fitted, held.fitted.model.size
-    free = ended_near(replace(setup, model=replace(setup.model, share=None)), np.insert(held.x, at, SHARE))
-    noise = held.cost / independent_of(held)
+    free = fit_near(replace(setup, model=replace(setup.model, share=None)), np.insert(held.x, at, SHARE))
+    noise = held.cost / count_independent(held)
     if free.cost > held.cost - float(chdtri(1, SHARE_CHANCE)) * noise or not 0 < free.x[at] < 1:
         return None
     half = spread(free).of(np.eye(len(free.x))[at])
@@ -458,7 +458,7 @@ def with_share_free(held: Solved) -> tuple[Solved, float] | None:
     return (free, half) if sure else None
 
 
-def energy(log: RecordedLog) -> float:
+def squares_about_mean(log: RecordedLog) -> float:
     """Weighted squares of an output about its mean."""
     return log.weight * float(np.nansum((log.output - np.nanmean(log.output)) ** 2))
 
@@ -475,7 +475,7 @@ def kind_row(one: Tried, total: float, least: float) -> KindTried:
     return KindTried(one.name, gain, lags, one.solved.setup.size, fit_pct, score)
 
 
-def turned_round(log: RecordedLog) -> str:
+def wrong_sign_message(log: RecordedLog) -> str:
     """Why a log whose output falls where its input rises is refused."""
     return (
         f"{log.source or log.name}: its output falls where its input rises, and a controller would be turned round; "
@@ -483,7 +483,7 @@ def turned_round(log: RecordedLog) -> str:
     )
 
 
-def integrator(log: RecordedLog) -> str:
+def integrator_message(log: RecordedLog) -> str:
     """Why a log whose output's rate follows its input is refused."""
     return (
         f"{log.source or log.name}: its output integrates its input (its rate follows the input, and no lag within the "
@@ -492,7 +492,7 @@ def integrator(log: RecordedLog) -> str:
     )
 
 
-def about_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Setup:
+def set_up_above_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Setup:
     """The logs with the idle output that the plant has, for the linear model: it begins where the plant does."""
     known = [replace(log, baseline=idle_found(base, k) + (log.baseline or 0.0)) for k, log in enumerate(logs)]
     return setup_of(base.fitted.model, known, True, theta_s)

@@ -61,7 +61,7 @@ def law_behind(log: RecordedLog) -> LawFound | None:
     return LawFound(PIGains(float(K_P), float(K_I), 0.0, float(u.max())), fit_pct)
 
 
-def simulated(solved: Solved, index: int, log: RecordedLog, law: LawFound) -> RecordedLog:
+def simulate_loop(solved: Solved, index: int, log: RecordedLog, law: LawFound) -> RecordedLog:
     """The log that the loop of a law gives on the fitted model, without noise."""
     assert log.reference is not None
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (len(log.input) - 1)
@@ -72,7 +72,7 @@ def simulated(solved: Solved, index: int, log: RecordedLog, law: LawFound) -> Re
     return replace(log, input=duty, output=torque + idle, idle_start=log.starts_idle)
 
 
-def judged_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop, ...], list[Finding]]:
+def judge_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop, ...], list[Finding]]:
     """Every log of a closed loop, and what is to be said of it."""
     loops: list[Loop] = []
     findings: list[Finding] = []
@@ -106,7 +106,7 @@ INSTRUMENTS_TRIED = 2  # Instruments one after another
 SHOWN = 1.5  # Half-widths of its interval that a dead time has to be long
 
 
-def with_instrument(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
+def refit_by_instruments(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
     """The fit by instruments, begun at the direct one, behind a dead time where they show one; the direct one where no
     law is known or it does not settle."""
     laws = [law_behind(log) for log in logs]
@@ -128,8 +128,8 @@ def _by_instruments(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[La
         now = replace(base, x=x)
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
             if law is not None:
-                drives[k] = Copies(simulated(now, k, log, law)).every
-        settled = _solved(base, x, tuple(drives))
+                drives[k] = Copies(simulate_loop(now, k, log, law)).every
+        settled = _solve(base, x, tuple(drives))
         if settled is None:
             return None
         x = settled
@@ -139,7 +139,7 @@ def _by_instruments(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[La
     return replace(base, x=x, instruments=tuple(drives))
 
 
-def _solved(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:
+def _solve(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:
     """Where Σ Z' r is 0 in the directions that no constraint holds, by damped Newton steps from x; None where they do
     not settle."""
     clean = replace(base.setup, drives=drives)

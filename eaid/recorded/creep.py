@@ -14,13 +14,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from eaid.arrays import Array
-from eaid.estimate.recorded_log import RecordedLog, without_creep
+from eaid.estimate.recorded_log import RecordedLog, take_off_creep
 from eaid.estimate.solver import approach
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE
-from eaid.recorded.from_logs import Solved, ended_near, setup_of
-from eaid.recorded.kinds import independent_of
+from eaid.recorded.from_logs import Solved, fit_near, setup_of
+from eaid.recorded.kinds import count_independent
 from eaid.recorded.log_intervals import Spread, effective_samples, spread
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
@@ -28,7 +28,7 @@ LEAST_GAIN = 0.03  # Part by which a gain drifts over a log that is told
 MOST_BENT = 0.7  # Of that, amid the log: half where it warms up at once
 
 
-def begun(solved: Solved, logs: Sequence[RecordedLog]) -> Solved:
+def add_creeps(solved: Solved, logs: Sequence[RecordedLog]) -> Solved:
     """A fit with the creeps of all logs as unknowns, 0 so far."""
     setup = replace(solved.fitted, creeping=len(logs))
     own = (np.append(solved.x[place.own[place.own >= 0]], [0.0, 0.0]) for place in solved.fitted.places)
@@ -40,11 +40,11 @@ def creeps_of(solved: Solved) -> Array:
     return np.array([solved.x[place.own[3:]] for place in solved.fitted.places])
 
 
-def creeping(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLog]) -> Array:
+def find_creeps(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLog]) -> Array:
     """Creeps that the logs show beside the plant that was chosen, or the clutch, (L, 2); zeros where noise explains
     them, or they are no creep: little, much, or there and back."""
     left, nothing = chosen.fitted.problem().value(chosen.x)[0], np.zeros((len(logs), 2))
-    tried = [begun(one, logs) for one in (chosen, clutch) if one is not None]
+    tried = [add_creeps(one, logs) for one in (chosen, clutch) if one is not None]
     ends = [replace(one, x=end.x, cost=end.cost) for one in tried for end in [approach(one.fitted.problem(), one.x)]]
     free = min(ends, key=lambda one: one.cost)
     if left - free.cost <= max(by_noise(free, len(logs)), free.fitted.problem().floor):
@@ -55,17 +55,17 @@ def creeping(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLog])
     return creeps if LEAST_PART < straight < MOST_PART and bent < MOST_BENT * straight else nothing
 
 
-def drifting(tried: Sequence[Solved]) -> Array | None:
+def find_gain_drift(tried: Sequence[Solved]) -> Array | None:
     """By what part the gain of each log grows from its begin to its end, (L,), by one linear step of the fit of some
     that is explained best so; None where noise, or an output that creeps, explains as much or more.
 
         y = (1 + g (s − ½)) response
     """
-    _, gains, ahead = min((_with_drift(one) for one in tried), key=lambda one: one[0])
+    _, gains, ahead = min((_fit_drift(one) for one in tried), key=lambda one: one[0])
     return gains if ahead and max(map(abs, gains)) > LEAST_GAIN else None
 
 
-def _with_drift(solved: Solved) -> tuple[float, Array, bool]:
+def _fit_drift(solved: Solved) -> tuple[float, Array, bool]:
     """What a fit leaves with gains that drift, these, and whether they explain more than noise and creeps do."""
     setup, gains, saved, left, independent = replace(solved.fitted, creeping=0), [], np.zeros(2), 0.0, 0.0
     own = np.concatenate([place.own[3:] for place in solved.fitted.places])
@@ -90,14 +90,14 @@ def _with_drift(solved: Solved) -> tuple[float, Array, bool]:
 
 def by_noise(free: Solved, count: int) -> float:
     """Squares that creeps of so many logs save of nothing but noise, as rarely as `SHARE_CHANCE`."""
-    return float(chdtri(2 * count, SHARE_CHANCE)) * free.cost / independent_of(free)
+    return float(chdtri(2 * count, SHARE_CHANCE)) * free.cost / count_independent(free)
 
 
-def with_creeps(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solved, tuple[RecordedLog, ...]]:
+def refit_with_creeps(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solved, tuple[RecordedLog, ...]]:
     """The fit with the creeps of its logs at their end, and the logs without them: of these they are 0."""
-    free = begun(solved, logs)
-    ended = ended_near(free.fitted, free.x)
-    plain = tuple(without_creep(log, one) for log, one in zip(logs, creeps_of(ended), strict=True))
+    free = add_creeps(solved, logs)
+    ended = fit_near(free.fitted, free.x)
+    plain = tuple(take_off_creep(log, one) for log, one in zip(logs, creeps_of(ended), strict=True))
     before, x = ended.fitted, ended.x.copy()
     x[[place.own[3:] for place in before.places]] = 0.0
     setup = setup_of(before.model, plain, before.idle_free, before.dead_time_s)
@@ -105,7 +105,7 @@ def with_creeps(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solved, tu
     return replace(ended, fitted=replace(setup, extras=before.extras, creeping=len(logs), drives=drives), x=x), plain
 
 
-def with_known_creeps(solved: Solved) -> Solved:
+def hold_creeps(solved: Solved) -> Solved:
     """The fit without its creeps as unknowns, which a part of a log or another model would tell otherwise."""
     gone = np.concatenate([place.own[3:] for place in solved.fitted.places])
     return replace(solved, fitted=replace(solved.fitted, creeping=0), x=np.delete(solved.x, gone[gone >= 0]))

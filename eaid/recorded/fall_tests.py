@@ -18,7 +18,7 @@ from scipy.special import fdtrc
 from eaid.arrays import Array
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
-from eaid.recorded.from_logs import NO_EXTRAS, Solved, ended_near, through_levels
+from eaid.recorded.from_logs import NO_EXTRAS, Solved, fit_near, fit_through_levels
 from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.recorded import FallTest
@@ -35,7 +35,7 @@ FALL_NAMES = {
 WIDEST_HALF = 1e6  # Half-width beyond which there is no interval
 
 
-def seen(drives: tuple[Drive, ...], low: float, stepwise: bool, free: bool) -> tuple[str, ...]:
+def list_tests(drives: tuple[Drive, ...], low: float, stepwise: bool, free: bool) -> tuple[str, ...]:
     """Which of the three the inputs can tell: one that moves and is not free, but a loop's, tells none in between."""
     rests = falls = 0
     for drive in drives:
@@ -47,26 +47,26 @@ def seen(drives: tuple[Drive, ...], low: float, stepwise: bool, free: bool) -> t
     return (*("rest",) * bool(rests), *of_falls)
 
 
-def tested(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
+def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
     """Test all that the inputs can tell together, then fit again with those that differ: they are its extras. Where
     levels are held, with T_s of each: falls imitate what a curve through them misses."""
-    names = seen(base.setup.drives, base.setup.model.low, inputs.stepwise, free)
+    names = list_tests(base.setup.drives, base.setup.model.low, inputs.stepwise, free)
     judgements: dict[str, Judged] = {}
     if names:
         model, by_levels = base.setup.model, base
         if inputs.stepwise and model.slices[0].stop < len(inputs.levels) <= FEW_LEVELS and not model.signed:
-            by_levels = through_levels(base, inputs.levels)
-        whole = with_falls(by_levels, names)
+            by_levels = fit_through_levels(base, inputs.levels)
+        whole = fit_with_falls(by_levels, names)
         known = spread(whole)
-        judgements = _judged(whole, names, known)
+        judgements = _judge(whole, names, known)
         of_input = "rest" in names and model.tau1.size > 1  # lags that are constant have no lowest input of their own
         own = ("rest",) if of_input and _makes_surer(by_levels, whole, known) else ()
         if differing := tuple(name for name in names if judgements[name].differs or name in own):
             if by_levels is base and differing == names:
                 base = whole
             else:
-                base = with_falls(base, differing)
-                judgements |= _judged(base, differing, spread(base))
+                base = fit_with_falls(base, differing)
+                judgements |= _judge(base, differing, spread(base))
     rows = []
     for extra, numbers in FALL_NAMES.items():
         for k, name in enumerate(numbers[: len(judgements[extra].values)] if extra in judgements else ()):
@@ -87,7 +87,7 @@ class Judged:
     differs: bool
 
 
-def edges(solved: Solved) -> Array:
+def lowest_taus(solved: Solved) -> Array:
     """τ1 and τ2 of the lowest identified input, (2,)."""
     tables = solved.curves(np.array([solved.setup.model.low]))
     return np.array([tables.tau1[0], tables.tau2[0]])
@@ -95,16 +95,16 @@ def edges(solved: Solved) -> Array:
 
 def as_rises(solved: Solved, name: str) -> Array:
     """Values of an extra with which falls go as rises do."""
-    return edges(solved) if name == "rest" else np.array(NO_EXTRAS[name])
+    return lowest_taus(solved) if name == "rest" else np.array(NO_EXTRAS[name])
 
 
-def with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
+def fit_with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
     """The fit with some of rest, fall and excess as unknowns beside its own."""
     begin = np.concatenate([as_rises(base, name) for name in names])
     x, before, dead = base.x, base.fitted, base.fitted.at("dead")
     own = x[before.shared :] if dead < 0 else np.append(x[dead], x[before.shared :])
     extras = names if dead < 0 else (*names, "dead")
-    return ended_near(replace(before, extras=extras), np.r_[x[: before.model.size], begin, own])
+    return fit_near(replace(before, extras=extras), np.r_[x[: before.model.size], begin, own])
 
 
 def _makes_surer(base: Solved, whole: Solved, of_whole: Spread) -> bool:
@@ -117,7 +117,7 @@ def _makes_surer(base: Solved, whole: Solved, of_whole: Spread) -> bool:
     return bool((tied < MAKES_SURER * own).any())
 
 
-def _judged(solved: Solved, names: tuple[str, ...], uncertainty: Spread) -> dict[str, Judged]:
+def _judge(solved: Solved, names: tuple[str, ...], uncertainty: Spread) -> dict[str, Judged]:
     judgements, model = {}, solved.setup.model
     for name in names:
         at, count = solved.setup.at(name), len(NO_EXTRAS[name]) if model.tau2 is not None else 1
@@ -158,7 +158,7 @@ def _findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, .
     findings, kept = [finding("release-not-seen", "release")], solved.setup.extras
     if "rest" in judgements:
         taus_s, chance = tuple(judgements["rest"].values.tolist()), judgements["rest"].chance
-        edges_s = tuple(edges(solved)[: len(taus_s)].tolist())
+        edges_s = tuple(lowest_taus(solved)[: len(taus_s)].tolist())
         code = "release-alike" if "rest" not in kept else "release-own"
         code = "release-differs" if judgements["rest"].differs else code
         findings = [finding(code, "release", taus_s=taus_s, edges_s=edges_s, chance=chance)]

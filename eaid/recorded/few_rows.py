@@ -1,7 +1,7 @@
 """A log as the kernel takes it: every sample, and a few thousand rows that cost what the log costs.
 
 Where the input is held the few rows are Gauss nodes of blocks on which the response is a polynomial, and the sum of
-squares is the log's own (`compressed`, as with the step fits); where it moves all the time, samples are averaged over
+squares is the log's own (`compress_held`, as of step fits); where it moves all the time, samples are averaged over
 equal blocks.
 """
 
@@ -33,14 +33,14 @@ class Copies:
     def small(self) -> Drive:
         """Some thousand rows that cost what the log costs, exactly where its input is held."""
         if not self.log.stepwise:
-            return averaged_blocks(self.log, self.every)
-        return compressed(self.log, self.every, self.dead_time_s)
+            return average_moving(self.log, self.every)
+        return compress_held(self.log, self.every, self.dead_time_s)
 
 
 EARLIER = 4  # Samples before a delayed change from which single ones are kept
 
 
-def compressed(log: RecordedLog, every: Drive, dead_time_s: float = 0.0) -> Drive:
+def compress_held(log: RecordedLog, every: Drive, dead_time_s: float = 0.0) -> Drive:
     """A log whose input is held, in Gauss nodes of blocks that double in length from where each change acts.
 
     What it costs is what the log costs, as far as the response is a polynomial on each block; the first rows of each
@@ -63,7 +63,7 @@ def compressed(log: RecordedLog, every: Drive, dead_time_s: float = 0.0) -> Driv
     return every._replace(dt_s=dt_s, which=every.which[row], rising=every.rising[row], y=y, w=w, left=max(left, 0.0))
 
 
-def averaged_blocks(log: RecordedLog, every: Drive) -> Drive:
+def average_moving(log: RecordedLog, every: Drive) -> Drive:
     """A log whose input moves all the time, over equal blocks: each the mean output at its middle, the mean input."""
     n, t = len(log.input), log.time_s
     if n <= MOVING_ROWS or not every.w.all():

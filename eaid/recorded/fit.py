@@ -16,7 +16,7 @@ import numpy as np
 from eaid.arrays import Array, extremes
 from eaid.errors import UsageError
 from eaid.estimate import forms
-from eaid.estimate.coefficients import turned, with_intervals
+from eaid.estimate.coefficients import map_unknowns, with_intervals
 from eaid.estimate.data import data_of, errors
 from eaid.estimate.recorded_log import RecordedLog, changes_in_gaps, logs_of_steps, parts_of, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
@@ -24,21 +24,21 @@ from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
 from eaid.levels.linear import bounds_of, parameters, single_levels
 from eaid.levels.nonlinear import with_errors
-from eaid.levels.unseen import worse_unseen
+from eaid.levels.unseen import judge_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import Chosen, about_idle, plant_of_logs, switched_on
-from eaid.recorded.closed_loop import judged_loops, with_instrument
+from eaid.recorded.choice import Chosen, add_rest_before, choose_plant, set_up_above_idle
+from eaid.recorded.closed_loop import judge_loops, refit_by_instruments
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
-from eaid.recorded.fall_tests import with_falls
+from eaid.recorded.fall_tests import fit_with_falls
 from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found, start_states
 from eaid.recorded.held_out import held_out
-from eaid.recorded.inputs import FEW_LEVELS, Excited, excited_by, input_findings, over, refuse
+from eaid.recorded.inputs import FEW_LEVELS, Excited, find_inputs, input_findings, move_range, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
-from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, with_runs
-from eaid.recorded.plant_part import LevelsOwn, intervals, lags_off, levels_own, plant_part
+from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, spread_by_runs
+from eaid.recorded.plant_part import LevelsOwn, find_lags_off, find_own_levels, intervals, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -56,7 +56,7 @@ from eaid.results.models import (
 from eaid.results.recorded import LogCurve, LogFit, Recorded
 from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged
-from eaid.shapes.each_step import single_steps
+from eaid.shapes.each_step import fit_single_steps
 from eaid.steps.levels import wanted_levels
 from eaid.steps.stepset import Level, StepSet
 
@@ -133,7 +133,7 @@ def nonlinear_of_logs(
         return part
     if own is not None:
         part = msgspec.structs.replace(part, level_scatter=own.scatter)
-    turn = turned(model)
+    turn = map_unknowns(model)
     covariance = turn @ uncertainty.covariance[: turn.shape[1], : turn.shape[1]] @ turn.T
     return with_intervals(part, known.rows, covariance, {**degrees_of(solved, uncertainty)})
 
@@ -175,7 +175,7 @@ def linear_of_logs(
     model, wanted = solved.setup.model, options.bounds_levels
     pooled, ends = parameters(model, solved.coefficients), None
     if options.ci != "none":
-        known = with_runs(spread(solved), solved, repeats)
+        known = spread_by_runs(spread(solved), solved, repeats)
 
         def numbers(x: Array) -> Array:
             one = parameters(model, x[: model.size])
@@ -232,7 +232,7 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
         raise UsageError(f"«ci» {options.ci}: logs fitted as recorded take robust or none; or say «logs_as» steps")
     rest = float(stepset.reading.get("rest", 0.0))
     refuse([recorded_log(run, rest) for run in stepset.recorded])
-    shapes = single_steps(stepset, options)
+    shapes = fit_single_steps(stepset, options)
     dead_s = statistics.median_low([one.dead_time_s for one in shapes if one.edge == "up"] or [0.0])
     fit = fit_recorded(stepset.recorded, options, stepset, rest, dead_time_s=dead_s)
     # what a whole log explains a step of it by itself, which begins on the tail of another, tells no better
@@ -240,8 +240,8 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     whole = fit.plant_ is not None and (explained or fit.plant_.another)
     of_shapes = () if whole else merged([one for shape in shapes for one in shape.findings])
     findings = ranked((*stepset.all_findings, *fit.findings, *of_shapes))
-    told = msgspec.structs.replace(fit, options=workflow.given(options, stepset), steps=shapes)
-    known = workflow.quotable(told)
+    told = msgspec.structs.replace(fit, options=workflow.list_options(options, stepset), steps=shapes)
+    known = workflow.keep_quotable(told)
     beyond = [] if known is told else [finding("numbers-beyond-measure", "data")]
     return judged(msgspec.structs.replace(known, findings=ranked((*findings, *beyond))))
 
@@ -292,39 +292,41 @@ def experiment_of(
     refuse(logs)
     logs = [part for log in logs for part in parts_of(log)]
     others = logs_of_steps(steps) if steps is not None else []
-    inputs = excited_by([*logs, *others], options.duty)
-    return Experiment([switched_on(log, inputs) for log in logs], others, inputs, options, runs, steps, repeats)
+    inputs = find_inputs([*logs, *others], options.duty)
+    return Experiment([add_rest_before(log, inputs) for log in logs], others, inputs, options, runs, steps, repeats)
 
 
 def chosen_of(experiment: Experiment, falls: bool, dead_time_s: float = 0.0) -> Chosen:
     """The plant that evidence chooses."""
     logs, others, inputs, options = experiment.logs, experiment.others, experiment.inputs, experiment.options
-    return plant_of_logs(logs, others, inputs, options, experiment.rests, dead_time_s, falls)
+    return choose_plant(logs, others, inputs, options, experiment.rests, dead_time_s, falls)
 
 
 def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     """The whole fit with a plant that was chosen."""
     logs, others, options, inputs = experiment.logs, experiment.others, experiment.options, experiment.inputs
     base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
-    findings = [*input_findings(logs, inputs.levels), *parted(logs)]
-    inputs = over(inputs, base.setup.model.low, base.setup.model.high)
+    findings = [*input_findings(logs, inputs.levels), *find_parted_logs(logs)]
+    inputs = move_range(inputs, base.setup.model.low, base.setup.model.high)
     if not experiment.rests:  # another kind's T_s goes through rest, and tells the idle output so
         code = "idle-not-seen" if base.setup.model.kind == "parallel" else "rest-not-seen"
         findings += [finding(code, log.name) for log in logs]
     if any(log.reference is not None for log in logs):
-        base, before_s = with_instrument(base, chosen.logs), base.fitted.dead_time(base.x)
+        base, before_s = refit_by_instruments(base, chosen.logs), base.fitted.dead_time(base.x)
         if (theta_s := base.fitted.dead_time(base.x)) > before_s:
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
     # which value a level has is no matter of intervals
-    spreads = with_runs(spread(base), base, experiment.repeats) if options.ci != "none" or inputs.stepwise else None
-    own = levels_own(base, spreads, inputs, experiment.repeats)
+    spreads = (
+        spread_by_runs(spread(base), base, experiment.repeats) if options.ci != "none" or inputs.stepwise else None
+    )
+    own = find_own_levels(base, spreads, inputs, experiment.repeats)
     uncertainty = None if options.ci == "none" else spreads
     findings += [] if own is None else own.told
-    findings += lags_off(base, inputs, experiment.repeats) if spreads is not None else []
+    findings += find_lags_off(base, inputs, experiment.repeats) if spreads is not None else []
     known = None
     if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):
         known = curves(base, uncertainty, inputs.shown)
-    recorded, told = judged_on_logs(base, chosen, logs, others)
+    recorded, told = judge_logs(base, chosen, logs, others)
     findings += [*chosen.findings, *told]
     findings += [] if uncertainty is None else uncertainty.scatter.findings
     if known is not None:
@@ -333,9 +335,9 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     levels = inputs.levels if inputs.stepwise else np.zeros(0)
     data = data_of_logs([*logs, *others], experiment.runs, experiment.steps, levels)
     findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)
-    linear = linear_beside(base, chosen, inputs, options, experiment.repeats) if "linear" in wanted else None
+    linear = fit_linear_beside(base, chosen, inputs, options, experiment.repeats) if "linear" in wanted else None
     by_model = "nonlinear" in wanted
-    friction = friction_beside(base, inputs, options, known, own, by_model) if "friction" in wanted else None
+    friction = fit_friction_beside(base, inputs, options, known, own, by_model) if "friction" in wanted else None
     shown = "nonlinear" in wanted and base.setup.model.kind in ("parallel", "lag") and not base.setup.model.signed
     release = plant_found(base).release
     return Fit(
@@ -357,7 +359,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     )
 
 
-def parted(logs: Sequence[RecordedLog]) -> list[Finding]:
+def find_parted_logs(logs: Sequence[RecordedLog]) -> list[Finding]:
     """Logs that gaps part."""
     files = Counter(log.sha256 for log in logs if log.sha256)
     names = {log.sha256: log.name for log in reversed(logs)}
@@ -367,14 +369,14 @@ def parted(logs: Sequence[RecordedLog]) -> list[Finding]:
     return [finding("log-in-parts", names[sha256], parts=count) for sha256, count in files.items() if count > 1]
 
 
-def judged_on_logs(
+def judge_logs(
     base: Solved, chosen: Chosen, logs: Sequence[RecordedLog], others: Sequence[RecordedLog]
 ) -> tuple[Recorded, list[Finding]]:
     """Each log, its loop and what the model makes of what it has not seen; findings of loops, unseen, and left."""
-    loops, findings = judged_loops(base, chosen.logs)
+    loops, findings = judge_loops(base, chosen.logs)
     unseen = held_out(base, chosen.logs, others)
     if unseen is not None:
-        findings += worse_unseen(unseen.fit_pct, unseen.held_pct, unseen.of)
+        findings += judge_unseen(unseen.fit_pct, unseen.held_pct, unseen.of)
     findings += drift_findings(base, chosen.logs)
     if not loops:
         findings += log_that_differs(base, [log.name for log in logs])
@@ -393,19 +395,19 @@ def judged_on_logs(
     ), findings
 
 
-def linear_beside(
+def fit_linear_beside(
     base: Solved, chosen: Chosen, inputs: Excited, options: FitOptions, repeats: Sequence[Level]
 ) -> Linear:
     """The linear model of the same logs, behind the plant's dead time."""
     theta_s, model = base.fitted.dead_time(base.x), base.setup.model
     setup = replace(base.fitted, extras=(), creeping=0, dead_time_s=theta_s)
     if model.kind != "parallel":
-        setup = about_idle(base, chosen.logs, theta_s)
+        setup = set_up_above_idle(base, chosen.logs, theta_s)
     basis = np.array([-inputs.high, inputs.high]) if model.signed else inputs.basis
     return linear_of_logs(fit_setup(replace(setup, model=forms.linear(basis))), base, inputs.basis, options, repeats)
 
 
-def friction_beside(
+def fit_friction_beside(
     base: Solved, inputs: Excited, options: FitOptions, known: CurveSpread | None, own: LevelsOwn | None, of_model: bool
 ) -> Friction | None:
     """The curves of the levels, those `of_model` with T_s their own, or all by themselves; None where inputs move, or C
@@ -418,4 +420,4 @@ def friction_beside(
     extras = tuple(name for name in base.fitted.extras if name != "dead")
     setup = replace(base.fitted, extras=(), creeping=0, dead_time_s=base.fitted.dead_time(base.x))
     solved = fit_setup(replace(setup, model=forms.friction(inputs.levels, share)))
-    return friction_of_logs(with_falls(solved, extras) if extras else solved, inputs.levels, None)
+    return friction_of_logs(fit_with_falls(solved, extras) if extras else solved, inputs.levels, None)

@@ -25,9 +25,9 @@ from eaid.estimate.solver import (
     approach,
     bring_in,
     draw_in,
-    ends_solved,
     polish,
     slsqp,
+    solve_ends,
     solver_verdict,
     with_second_derivatives,
 )
@@ -387,19 +387,19 @@ def fit_setup(setup: Setup) -> Solved:
     reach = RIVAL_COST if all(one.log.stepwise for one in setup.copies) else np.inf  # averages have errors of their own
     rivals = [end for end in ends if end.cost <= (1 + reach) * ends[0].cost + near.floor]
     kept = {f"{end.cost:.5g}": end.x for end in reversed(rivals)}  # one of each cost
-    return finished(setup, [*kept.values()], sum(end.evaluations for end in ends), [end.cost for end in ends])
+    return finish(setup, [*kept.values()], sum(end.evaluations for end in ends), [end.cost for end in ends])
 
 
-def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequence[float] = ()) -> Solved:
+def finish(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequence[float] = ()) -> Solved:
     """From near ends to the verdict: solved on the small copy, confirmed, or taken to its end, on every sample."""
     near, held = setup.problem(), all(one.log.stepwise for one in setup.copies)
     ends = [approach(near, x) for x in begin]
     if min(end.cost for end in ends) > near.floor:  # beneath it lies rounding, in which a line search finds no way
-        ends = ends_solved(ends, near)
+        ends = solve_ends(ends, near)
     if not held:  # copies are averages, and their ends near ones
         near = setup.every.problem()
         ends = [approach(near, end.x) for end in ends]
-    end, predicted, active = polish(near, least_slow(setup, ends), finished=SETTLED)
+    end, predicted, active = polish(near, pick_least_slow(setup, ends), finished=SETTLED)
     if predicted > CONVERGED:  # far from a parabola
         near = with_second_derivatives(near)
         end, predicted, active = polish(near, slsqp(near, end), steps=LONG_WAY, finished=SETTLED)
@@ -410,31 +410,31 @@ def finished(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequen
     return Solved(setup, end.x, end.cost, solver)
 
 
-def ended_near(setup: Setup, x: Array) -> Solved:
+def fit_near(setup: Setup, x: Array) -> Solved:
     """The fit near x, on every sample.
 
     Where a dead time that is an unknown falls on a sample the cost has a bend, and no derivative there says that it is
     least: what is left is then solved with the dead time held.
     """
-    solved, at = finished(setup, [x]), setup.at("dead")
+    solved, at = finish(setup, [x]), setup.at("dead")
     if solved.solver.converged or at < 0:
         return solved
     theta = float(solved.x[at])
     others = tuple(name for name in setup.extras if name != "dead")
-    held = finished(replace(setup, extras=others, dead_time_s=theta), [np.delete(solved.x, at)])
+    held = finish(replace(setup, extras=others, dead_time_s=theta), [np.delete(solved.x, at)])
     if not held.solver.converged or held.cost > solved.cost * (1 + AT_BEND):
         return solved
     return replace(solved, x=np.insert(held.x, at, theta), cost=held.cost, solver=held.solver)
 
 
-def through_levels(solved: Solved, u: Array) -> Solved:
+def fit_through_levels(solved: Solved, u: Array) -> Solved:
     """A fit with T_s of each level as an unknown, (L,), in place of a curve's coefficients."""
     fitted, first = solved.fitted, solved.fitted.model.slices[0].stop
     each = replace(fitted, model=replace(fitted.model, Ts=PerLevel(tuple(u.tolist()))))
-    return ended_near(each, np.append(solved.curves(u).steady, solved.x[first:]))
+    return fit_near(each, np.append(solved.curves(u).steady, solved.x[first:]))
 
 
-def least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:
+def pick_least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:
     """The end of least cost; of ends that the data cannot tell apart the one with the shortest τ2.
 
     What has one time constant is explained as well by a slow part that never comes, and a T_s larger by what it hides.

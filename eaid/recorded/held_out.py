@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import approach
-from eaid.levels.unseen import worse_unseen
+from eaid.levels.unseen import judge_unseen
 from eaid.plant.drive import AT_IDLE
-from eaid.recorded.creep import with_known_creeps
+from eaid.recorded.creep import hold_creeps
 from eaid.recorded.from_logs import Setup, Solved, setup_of
 from eaid.results.recorded import LogsHeldOut
 
@@ -34,7 +34,7 @@ def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[Recor
     if any(log.reference is not None for log in logs):  # its duty answers the noise: one log's is no other's
         return None
     all_logs, folds = [*logs, *others], list[tuple[str, float, int, bool]]()
-    solved = with_known_creeps(solved)
+    solved = hold_creeps(solved)
     for named, rows in _parts(logs):
         part = [replace(log, output=np.where(out, np.nan, log.output)) for log, out in zip(logs, rows, strict=True)]
         missed, agrees = _missed(solved, [*part, *others], all_logs)
@@ -45,14 +45,14 @@ def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[Recor
     size, rms = float(np.std(y)), float(np.sqrt(left @ left / len(y)))
     if not folds or not size > 0:
         return None
-    told = _told(folds, size, rms)
-    if worse_unseen(told.fit_pct, told.held_pct, told.of):  # by parts whose rest tells the model
+    told = _judge_folds(folds, size, rms)
+    if judge_unseen(told.fit_pct, told.held_pct, told.of):  # by parts whose rest tells the model
         folds = [one for one in folds if not one[-1]]
-        return _told(folds, size, rms) if folds else None
+        return _judge_folds(folds, size, rms) if folds else None
     return told
 
 
-def _told(folds: Sequence[tuple[str, float, int, bool]], size: float, rms: float) -> LogsHeldOut:
+def _judge_folds(folds: Sequence[tuple[str, float, int, bool]], size: float, rms: float) -> LogsHeldOut:
     """Of some parts left out: name, squares, samples."""
     names, squares, counts, _ = zip(*folds, strict=True)
     held = float(np.sqrt(sum(squares) / sum(counts)))
@@ -96,10 +96,10 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
     own = [one.own[one.own >= 0] for one in fitted.places]
     at = np.concatenate([np.arange(fitted.shared), *(own[k] for k in kept)]).astype(np.intp)
     x = solved.x.copy()
-    problem = _like(fitted, [part[k] for k in kept]).problem()
+    problem = _set_up_like(fitted, [part[k] for k in kept]).problem()
     end, before = approach(problem, x[at], near=PART_SETTLED), problem.value(x[at])[0]
     x[at] = end.x
-    every = _like(fitted, whole).every
+    every = _set_up_like(fitted, whole).every
     missed = []
     for k, drive in enumerate(every.drives):
         its = every.places[k].kernel[AT_IDLE:]
@@ -113,7 +113,7 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
     return missed, before <= (1 + AGREES) * end.cost + problem.floor
 
 
-def _like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:
+def _set_up_like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:
     """The setup of other logs for the same model."""
     setup = setup_of(fitted.model, logs, fitted.idle_free, fitted.dead_time_s)
     return replace(

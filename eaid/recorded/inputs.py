@@ -49,12 +49,12 @@ class Excited:
         return self.basis if few else np.linspace(self.low, self.high, 11)
 
 
-def over(inputs: Excited, low: float, high: float) -> Excited:
+def move_range(inputs: Excited, low: float, high: float) -> Excited:
     """The same over another range."""
     return replace(inputs, low=low, high=high, levels=inputs.levels if inputs.stepwise else np.array([low, high]))
 
 
-def excited_by(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Excited:
+def find_inputs(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Excited:
     """Levels and range that the logs excite, or the range that was asked for."""
     levels = np.unique(np.abs(np.concatenate([log.input[log.changes] for log in logs])))
     levels = levels[levels > 0]

@@ -26,7 +26,7 @@ from eaid.plant.drive import Drive, beginning, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
 from eaid.recorded.few_rows import MOVING_ROWS, Copies
-from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, ended_near, setup_of
+from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, fit_near, setup_of
 from eaid.recorded.log_intervals import effective_samples
 
 GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 18  # Of the grid
@@ -162,7 +162,7 @@ class Search:
         taus = np.geomspace(0.6 * shortest, 2 * span, GRID_TAUS).tolist()
         thetas = [0.0, *np.geomspace(0.5 * shortest, LONGEST_DEAD_TIME * span, GRID_DELAYS).tolist()]
         shapes = [(tau, zeta) for tau in taus for zeta in (math.inf, *GRID_DAMPINGS)]
-        shapes += [(1 / w, zeta) for w in peaks(self) for zeta in GRID_DAMPINGS[:2]]
+        shapes += [(1 / w, zeta) for w in find_peak_frequencies(self) for zeta in GRID_DAMPINGS[:2]]
         found = []
         for theta in thetas if self.dead_time_s is None else [self.dead_time_s]:
             costs = self.costs([delayed(beginning(drive, GRID_ROWS), theta) for drive in self.drives], shapes).tolist()
@@ -182,7 +182,7 @@ class GridPlace:
     costs: tuple[float, float]  # Squares left without and with a zero
 
 
-def places(search: Search, kind: LagKind, grid: Sequence[GridPlace]) -> list[GridPlace]:
+def find_best_places(search: Search, kind: LagKind, grid: Sequence[GridPlace]) -> list[GridPlace]:
     """The best places of the grid for a kind, from minima that differ by more than a factor."""
     given = search.dead_time_s is not None
     of_law = [one for one in grid if math.isinf(one.zeta) == (kind.law == "lag")]
@@ -196,7 +196,7 @@ def places(search: Search, kind: LagKind, grid: Sequence[GridPlace]) -> list[Gri
     return best
 
 
-def peaks(search: Search) -> list[float]:
+def find_peak_frequencies(search: Search) -> list[float]:
     """Frequencies at which the outputs have most, 0 left out [rad/s]."""
     log = max(search.logs, key=lambda one: len(one.time_s))
     y, dt_s = np.nan_to_num(log.output[:MOST_ROWS] - np.nanmean(log.output)), log.usual_s
@@ -205,7 +205,7 @@ def peaks(search: Search) -> list[float]:
     return [float(2 * np.pi * k / ((len(y) - 1) * dt_s)) for k in top]
 
 
-def begun(
+def fit_kind_from(
     search: Search,
     kind: LagKind,
     gain: Form,
@@ -228,15 +228,15 @@ def begun(
     if kind.law == "swing":
         x[model.slices[2]] = min(max(zeta, 0.02), 20.0)
     if near is not None:
-        x = carried(near, setup, gain)
+        x = carry_unknowns(near, setup, gain)
     if kind.late:
         x = np.r_[x[: setup.shared], theta, x[setup.shared :]]
         setup = replace(setup, extras=("dead",))
-    end = approach(setup.problem(), gain_solved(setup, x), near=KINDS_SETTLED)
+    end = approach(setup.problem(), solve_gain(setup, x), near=KINDS_SETTLED)
     return Solved(setup, end.x, end.cost, solver_verdict(0.0, end.evaluations, [end.cost]))
 
 
-def carried(near: Solved, setup: Setup, gain: Form) -> Array:
+def carry_unknowns(near: Solved, setup: Setup, gain: Form) -> Array:
     """Unknowns of a richer gain or pace from those of a simpler one, without the dead time."""
     before, model = near.fitted, setup.model
     values = before.model.rows(gain.inputs)[0] @ near.x[: before.model.size]
@@ -249,7 +249,7 @@ def carried(near: Solved, setup: Setup, gain: Form) -> Array:
     return x
 
 
-def gain_solved(setup: Setup, x: Array) -> Array:
+def solve_gain(setup: Setup, x: Array) -> Array:
     """The unknowns with all that enters linearly at its least squares: the gain, idle outputs, start states."""
     n, free = setup.size, [*range(setup.model.slices[0].stop), *range(setup.shared, setup.size)]
     H, g = np.zeros((n, n)), np.zeros(n)
@@ -266,7 +266,7 @@ def gain_solved(setup: Setup, x: Array) -> Array:
     return x
 
 
-def richer(search: Search, stepwise_levels: int) -> Iterator[Form]:
+def richer_gains(search: Search, stepwise_levels: int) -> Iterator[Form]:
     """Gains beyond one for all inputs, of no more coefficients than the inputs tell apart; through rest where none of
     the logs shows it, for a constant would be the idle output's."""
     low, high = search.low, search.high
@@ -278,7 +278,7 @@ def richer(search: Search, stepwise_levels: int) -> Iterator[Form]:
             yield LegendreForm(degree, low, high) if rests else Proportional(low, high, degree)
 
 
-def independent_of(solved: Solved) -> float:
+def count_independent(solved: Solved) -> float:
     """Independent samples in the residuals of a fit."""
     count = 0.0
     for r, drive in zip(solved.missed, solved.setup.drives, strict=True):
@@ -287,7 +287,7 @@ def independent_of(solved: Solved) -> float:
     return max(count, 1.0)
 
 
-def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
+def refit_on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     """The same fitted to every sample, as rivals are already; near enough to be compared, or to its very end."""
     if one.kind not in LAG_KINDS:
         return one
@@ -299,7 +299,7 @@ def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     if not last:
         end = approach(setup.problem(), solved.x, near=KINDS_SETTLED)
         return replace(one, solved=replace(solved, fitted=setup, x=end.x, cost=end.cost), within=0.0)
-    ended = ended_near(setup, solved.x)
+    ended = fit_near(setup, solved.x)
     problem = setup.every.problem()
     if ended.cost <= 1e3 * problem.floor:  # no noise: steps too small to be seen in the cost go to the last digits
         x = ended.x
@@ -309,12 +309,12 @@ def on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     return replace(one, solved=ended, within=0.0)
 
 
-def with_scores(tried: Sequence[Tried]) -> list[Tried]:
+def score_kinds(tried: Sequence[Tried]) -> list[Tried]:
     """With their scores, the least first: unknowns have a price in what one saves of nothing but noise, and in parts of
     what is left: those of gain and pace, which differ from run to run, in full, those of the lags as far as that is no
     white noise; a dead time, which a loop feels most, has none of these. Noise is what constant lags leave."""
     least = min((one for one in tried if not one.paced), key=lambda one: one.cost)
-    rounding, independent = least.solved.setup.problem().floor / ROUNDING * 1e-13, independent_of(least.solved)
+    rounding, independent = least.solved.setup.problem().floor / ROUNDING * 1e-13, count_independent(least.solved)
     noise, coloured = least.cost / independent, 1 - min(independent / sum(map(len, least.solved.missed)), 1.0)
     rows = []
     for one in tried:
@@ -324,7 +324,7 @@ def with_scores(tried: Sequence[Tried]) -> list[Tried]:
     return sorted(rows, key=lambda one: one.score)
 
 
-def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> list[Tried]:
+def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> list[Tried]:
     """Every kind fitted, beside `rivals`, the best first; the best few with more of a gain.
 
     The best stand fitted to every sample, as rivals do; the others to the rows on which they are looked for.
@@ -333,45 +333,47 @@ def of_evidence(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> li
     for kind in LAG_KINDS:
         if kind.late and search.dead_time_s is not None:
             continue
-        ends = [begun(search, kind, gain, at.theta, at.tau, at.zeta) for at in places(search, kind, grid)]
+        ends = [
+            fit_kind_from(search, kind, gain, at.theta, at.tau, at.zeta) for at in find_best_places(search, kind, grid)
+        ]
         tried.append(Tried(kind, min(ends, key=lambda one: one.cost)))
-    forms = list(richer(search, levels))
+    forms = list(richer_gains(search, levels))
     for one in tuple(tried):  # what a gain lacks another lag or a dead time imitates: none is left out for its cost
         theta = one.solved.fitted.dead_time(one.solved.x)
-        more = [(form, begun(search, one.kind, form, theta, near=one.solved)) for form in forms]
+        more = [(form, fit_kind_from(search, one.kind, form, theta, near=one.solved)) for form in forms]
         # one through all levels takes what their rests are off for a curve
         tried += [
             Tried(one.kind, end) for form, end in more if form.size < levels or end.cost <= THROUGH_ALL * one.cost
         ]
-    tried = [one for one in tried if resolved(one, search)] or tried
-    rows = with_scores([*tried, *paced(search, with_scores(tried), levels)])
-    ended = [on_all(search, one) for one in rows[:FINALISTS]]
+    tried = [one for one in tried if shows_its_lags(one, search)] or tried
+    rows = score_kinds([*tried, *try_paced_lags(search, score_kinds(tried), levels)])
+    ended = [refit_on_all(search, one) for one in rows[:FINALISTS]]
     within = max(ended[0].cost - rows[0].cost, 0.0)
     ended += [*(replace(one, within=within) for one in rows[FINALISTS:]), *rivals]
-    best, *others = with_scores(ended)
-    return [on_all(search, best, last=True), *others]
+    best, *others = score_kinds(ended)
+    return [refit_on_all(search, best, last=True), *others]
 
 
-def paced(search: Search, rows: Sequence[Tried], levels: int) -> list[Tried]:
+def try_paced_lags(search: Search, rows: Sequence[Tried], levels: int) -> list[Tried]:
     """The best kinds, each with every gain that was tried, with time constants that go with the input."""
     found: list[Tried] = []
     for kind in list(dict.fromkeys(one.kind for one in rows))[:FINALISTS]:
         near = [one.solved for one in rows if one.kind == kind]
         for pace in PACES if search.high > search.low else ():
             if levels > pace:
-                ends = [_paced(search, kind, one, pace) for one in near]
+                ends = [_fit_paced(search, kind, one, pace) for one in near]
                 near = [min(ends, key=lambda one: one.cost)]
                 found += [Tried(kind, one) for one in ends]
-    return [one for one in found if resolved(one, search)]
+    return [one for one in found if shows_its_lags(one, search)]
 
 
-def _paced(search: Search, kind: LagKind, near: Solved, pace: int) -> Solved:
+def _fit_paced(search: Search, kind: LagKind, near: Solved, pace: int) -> Solved:
     gain = near.setup.model.Ts
     assert gain is not None
-    return begun(search, kind, gain, near.fitted.dead_time(near.x), near=near, pace=pace)
+    return fit_kind_from(search, kind, gain, near.fitted.dead_time(near.x), near=near, pace=pace)
 
 
-def resolved(one: Tried, search: Search) -> bool:
+def shows_its_lags(one: Tried, search: Search) -> bool:
     """Whether the logs show both lags: one under half a sample imitates what happens between samples, one that outlasts
     the logs a drift; and a dead time, where the kind has one."""
     model, x = one.solved.setup.model, one.solved.coefficients

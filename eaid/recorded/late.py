@@ -20,14 +20,14 @@ import numpy as np
 from scipy.linalg import solve_toeplitz
 
 from eaid.arrays import Array, median, scaled_inverse
-from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog, shifted
+from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog, shift_input
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive, later
 from eaid.plant.sums import unforeseen
 from eaid.recorded.few_rows import Copies
-from eaid.recorded.from_logs import Setup, Solved, ended_near, fit_setup, setup_of
+from eaid.recorded.from_logs import Setup, Solved, fit_near, fit_setup, setup_of
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 REST_COST = 2.0
@@ -78,7 +78,7 @@ class Timed:
     late: tuple[Delay, ...]  # By which each was noted late
 
 
-def timed(
+def fit_behind_dead_time(
     base: Solved, logs: Sequence[RecordedLog], steps: Sequence[RecordedLog], given_s: float | None, of_steps_s: float
 ) -> Timed:
     """The fit of logs, and of steps with them, behind their dead time: the one given, or what they show.
@@ -89,7 +89,7 @@ def timed(
     model, rests = base.fitted.model, base.fitted.idle_free
     dead_s, acting = 0.0, tuple(logs)
     if tried := of_steps_s if given_s is None else given_s:
-        moved = tuple(log_behind(log, tried) for log in logs)
+        moved = tuple(mark_rest_behind(log, tried) for log in logs)
         behind = fit_setup(setup_of(model, [*moved, *steps], rests, tried))
         at_rest = behind.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
         if given_s is not None or behind.cost < (REST_COST if at_rest else 1 - LOWER) * base.cost:
@@ -107,17 +107,17 @@ def timed(
     )
     if not any(one.rows for one in found) and not dead_s:
         return Timed(base, acting, late)
-    acting = tuple(log_behind(shifted(log, one.rows), dead_s) for log, one in zip(logs, late, strict=True))
+    acting = tuple(mark_rest_behind(shift_input(log, one.rows), dead_s) for log, one in zip(logs, late, strict=True))
     if any(one.rows for one in found):
         base = fit_setup(setup_of(model, [*acting, *steps], rests, dead_s))
     if dead_s:
         x, setup = base.x, base.fitted
         at = setup.shared
-        base = ended_near(replace(setup, extras=(*setup.extras, "dead")), np.r_[x[:at], dead_s, x[at:]])
+        base = fit_near(replace(setup, extras=(*setup.extras, "dead")), np.r_[x[:at], dead_s, x[at:]])
     return Timed(base, acting, late)
 
 
-def log_behind(log: RecordedLog, dead_s: float) -> RecordedLog:
+def mark_rest_behind(log: RecordedLog, dead_s: float) -> RecordedLog:
     """The log, known to begin at rest where it rests for long enough with its dead time."""
     acting = np.flatnonzero(log.input != 0)
     if dead_s == 0 or log.idle_start is not None or not len(acting) or not acting[0]:
@@ -138,7 +138,7 @@ def delays(base: Solved, logs: Sequence[RecordedLog]) -> list[Delay]:
             one = delay_of(base, k, log)
             if one.rows and follows_output(base, k, log):
                 x = base.x[base.setup.places[k].columns]
-                plain, moved = (aligned_log(base.fitted, x, _moved(log, late)).cost for late in (0, one.rows))
+                plain, moved = (fit_one_log(base.fitted, x, _move_input(log, late)).cost for late in (0, one.rows))
                 one = one if moved < EXPLAINS * plain else ON_TIME
         found.append(one)
     return found
@@ -153,15 +153,15 @@ def common_delay(base: Solved, logs: Sequence[RecordedLog]) -> Delay:
     return Delay(round(middle) if late else 0, middle - half, middle + half)
 
 
-def _moved(log: RecordedLog, rows: int) -> RecordedLog:
+def _move_input(log: RecordedLog, rows: int) -> RecordedLog:
     """The log with its input so many rows later, and the unknowns that it has."""
-    return replace(shifted(log, rows), idle_start=log.starts_idle) if rows else log
+    return replace(shift_input(log, rows), idle_start=log.starts_idle) if rows else log
 
 
-def moved_cost(base: Solved, logs: Sequence[RecordedLog], rows: Sequence[int]) -> float:
+def cost_with_moved_inputs(base: Solved, logs: Sequence[RecordedLog], rows: Sequence[int]) -> float:
     """Squares that logs leave, each by itself, with their inputs so many rows later."""
     each = zip(base.setup.places, logs, rows, strict=True)
-    return sum(aligned_log(base.fitted, base.x[at.columns], _moved(log, more)).cost for at, log, more in each)
+    return sum(fit_one_log(base.fitted, base.x[at.columns], _move_input(log, more)).cost for at, log, more in each)
 
 
 def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
@@ -188,13 +188,13 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
 def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
     """The delay of one log, whose input is moved by whole rows; none where noise has it."""
     rows, x = far_delay(base.fitted, base.x[base.setup.places[index].columns], log)
-    first, moved = rows, _moved(log, rows)
-    step, sd = one_step(base.fitted, x, moved)
+    first, moved = rows, _move_input(log, rows)
+    step, sd = step_to_delay(base.fitted, x, moved)
     while abs(step) >= max(ASKED_ROWS, sd) and abs(rows - first) < NEAR_ROWS:
         further = rows + int(np.sign(step))
-        moved = _moved(log, further)
-        x = aligned_log(base.fitted, x, moved).x
-        further_step = one_step(base.fitted, x, moved)
+        moved = _move_input(log, further)
+        x = fit_one_log(base.fitted, x, moved).x
+        further_step = step_to_delay(base.fitted, x, moved)
         if further_step[0] * step < 0 and abs(further_step[0]) >= abs(step):
             break
         rows, (step, sd) = further, further_step
@@ -206,7 +206,7 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
 
 def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
     """Rows by which the input is late where many make the cost lower, else 0, and the fit there, (p,)."""
-    ends = {rows: aligned_log(setup, x, _moved(log, rows)) for rows in (-FAR_ROWS, 0, FAR_ROWS)}
+    ends = {rows: fit_one_log(setup, x, _move_input(log, rows)) for rows in (-FAR_ROWS, 0, FAR_ROWS)}
     best = min(ends, key=lambda rows: ends[rows].cost)
     if ends[best].cost > (1 - LOWER) * ends[0].cost:
         return 0, x
@@ -214,7 +214,7 @@ def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
     while step:
         further = best + step
         if further not in ends and abs(further) <= FARTHEST_ROWS:
-            ends[further] = aligned_log(setup, ends[best].x, _moved(log, further))
+            ends[further] = fit_one_log(setup, ends[best].x, _move_input(log, further))
         if further in ends and ends[further].cost < ends[best].cost:
             best, step = further, 2 * step
         else:
@@ -222,16 +222,16 @@ def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
     return best, ends[best].x
 
 
-def aligned_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
+def fit_one_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
     """The fit of one log by itself, begun at x."""
     copies = Copies(log, setup.dead_time_s)  # what rings is no polynomial on the blocks of the few rows
-    return approach(alone(setup, copies.every if setup.model.kind == "swing" else copies.small).problem(), x)
+    return approach(set_up_one_log(setup, copies.every if setup.model.kind == "swing" else copies.small).problem(), x)
 
 
-def one_step(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
+def step_to_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
     """The delay in rows by one step from x, (p,), and its standard deviation."""
-    own = alone(setup, log.drive)
-    after, before = (alone(setup, later(own.drives[0], rows)).residuals(x, 0) for rows in (1, -1))
+    own = set_up_one_log(setup, log.drive)
+    after, before = (set_up_one_log(setup, later(own.drives[0], rows)).residuals(x, 0) for rows in (1, -1))
     D, foreseen, at = 0.5 * (after - before), autoregression(own.residuals(x, 0)), 0
     last, found = np.zeros((0, own.size + 2)), []
     for piece in own.derivatives(x, 0, rows=-(-len(log.input) // NOISE_STRETCHES)):
@@ -258,6 +258,6 @@ def autoregression(r: Array) -> Array:
     return np.asarray(solve_toeplitz(rho[:-1], rho[1:])) if rho[0] > 0 else np.zeros(ORDER)
 
 
-def alone(setup: Setup, drive: Drive) -> Setup:
+def set_up_one_log(setup: Setup, drive: Drive) -> Setup:
     """One log by itself."""
     return replace(setup, drives=(drive,), copies=())

@@ -115,14 +115,14 @@ class Lines:
         total = float(parts.sum())
         if not 0 < total < np.inf:
             return total, 1.0
-        even = (_smoothed(part / total, self.half) for part in parts)
+        even = (_smooth(part / total, self.half) for part in parts)
         spread = sum(
             float((one**2 / left).sum()) / apart for one, apart, left in zip(even, self.apart, self.left, strict=True)
         )
         return total, max(2 / spread, 1.0)
 
 
-def by_spectrum(piece: Piece, r: Array, pull: Array) -> Lines:
+def find_lines(piece: Piece, r: Array, pull: Array) -> Lines:
     """The variance of Σ Z r for noise S0(f) + T² S1(f); `pull` is H⁻¹, r the mean residuals of the bins.
 
     The residuals are looked at through two windows w, one that is wide where T is small and one that is 1/T where T is
@@ -146,8 +146,8 @@ def by_spectrum(piece: Piece, r: Array, pull: Array) -> Lines:
     for k, w in enumerate(windows):
         F = np.fft.rfft(w[:, None] * piece.plain, size, axis=0)
         taken = ((F.conj() @ pull) * F).sum(axis=1).real / piece.rows / float(w @ w)
-        lefts[k] = np.maximum(1 - _smoothed(taken, half), LEAST_LEFT)
-        power[k] = _smoothed(np.abs(np.fft.rfft(w * r, size)) ** 2, half) / lefts[k]
+        lefts[k] = np.maximum(1 - _smooth(taken, half), LEAST_LEFT)
+        power[k] = _smooth(np.abs(np.fft.rfft(w * r, size)) ** 2, half) / lefts[k]
     A = np.array([[float((w * w).sum()), float((w * w * T2).sum())] for w in windows])
     if abs(np.linalg.det(A)) < 1e-3 * A[0, 0] * A[1, 1]:  # the output hardly changes: one spectrum
         spectra = np.stack([power.sum(axis=0) / A[:, 0].sum(), np.zeros(power.shape[1])])
@@ -168,7 +168,7 @@ def by_spectrum(piece: Piece, r: Array, pull: Array) -> Lines:
     return Lines(lines, np.array(apart), lefts, half)
 
 
-def _smoothed(values: Array, half: int) -> Array:
+def _smooth(values: Array, half: int) -> Array:
     """Mean over `half` lines to both sides, the spectrum mirrored at its ends."""
     mirrored = np.concatenate([values[half:0:-1], values, values[-2 : -half - 2 : -1]])
     total = np.append(0.0, np.cumsum(mirrored))
@@ -369,14 +369,14 @@ def spread(solved: Solved) -> Spread:
     residuals = scatter.residuals if scatter.chance <= GAINS_SEEN else solved.missed
     lines = []
     for one, r, drive in zip(pieces, residuals, setup.drives, strict=True):
-        lines.append(by_spectrum(one, one.means(r * np.sqrt(drive.w[drive.w > 0])), pull))
+        lines.append(find_lines(one, one.means(r * np.sqrt(drive.w[drive.w > 0])), pull))
     noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
     S = S @ pull.T
     between = S.T @ S * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
     return Spread(noise, tuple(lines), between, scatter, pull)
 
 
-def with_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Spread:
+def spread_by_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Spread:
     """The spread of a fit to the mean curves of some levels, by their runs; as it is where no level has several."""
     if max((len(level.runs) for level in levels), default=0) < 2:
         return plain

@@ -10,11 +10,11 @@ from eaid.arrays import Array
 from eaid.estimate.own_level import (
     AT_REST,
     SURE,
+    find_levelled_off,
     gains_of_runs,
-    levelled_off,
     levels_about,
     levels_scatter,
-    own_of_levels,
+    pull_to_line,
 )
 from eaid.estimate.scatter import scatter_about
 from eaid.estimate.spread import LevelScatter
@@ -22,7 +22,7 @@ from eaid.findings import Finding, finding
 from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.plant.forms import PerLevel
 from eaid.recorded.curve_intervals import LIMITS_PCT
-from eaid.recorded.from_logs import Solved, ended_near, plant_found, through_levels
+from eaid.recorded.from_logs import Solved, fit_near, fit_through_levels, plant_found
 from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
@@ -63,7 +63,7 @@ class LevelsOwn:
         return list(zip(low.tolist(), high.tolist(), strict=True))
 
 
-def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Sequence[Level]) -> LevelsOwn | None:
+def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, levels: Sequence[Level]) -> LevelsOwn | None:
     """T_s of levels that were held, by their runs where a fit is of their mean curves; None where logs part no level
     from the curve: single runs, inputs that move, or hardly more levels than the curve has coefficients."""
     setup, first = solved.setup, solved.setup.model.slices[0]
@@ -83,9 +83,9 @@ def levels_own(solved: Solved, known: Spread | None, inputs: Excited, levels: Se
     line = levels_about(Ts, size, D, covariance)
     if line.v[0] <= SURE**2:
         return None
-    own, half, _ = own_of_levels(line, size, degrees, gains)
+    own, half, _ = pull_to_line(line, size, degrees, gains)
     curve, error = np.log(size), float(np.sqrt(np.median(np.diag(covariance))))
-    flat = levelled_off(u, np.log(Ts), curve, error, "levels" if levels else "duty")
+    flat = find_levelled_off(u, np.log(Ts), curve, error, "levels" if levels else "duty")
     told = [*flat, *levels_scatter(line, u, own, curve, by_curve=bool(flat) or not levels)]
     found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told)
     if still := [level for level, (_, high) in zip(u.tolist(), found.ends, strict=True) if high <= AT_REST * Ts.max()]:
@@ -115,7 +115,7 @@ def _by_runs(solved: Solved, known: Spread, levels: Sequence[Level], size: Array
 
 def _by_logs(solved: Solved, u: Array) -> ByThemselves | None:
     """Of any log whose input is held: T_s of each level as an unknown, in place of the curve's coefficients."""
-    found = through_levels(solved, u)
+    found = fit_through_levels(solved, u)
     if not found.solver.converged:
         return None
     of, Ts = spread(found), found.x[: len(u)]
@@ -123,7 +123,7 @@ def _by_logs(solved: Solved, u: Array) -> ByThemselves | None:
     return Ts, of.covariance[: len(u), : len(u)] / np.outer(Ts, Ts), degrees, None
 
 
-def lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[Finding]:
+def find_lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[Finding]:
     """Said where the one lag of held levels lies off its curve by more than the logs, or the runs of levels, leave
     open: each level's τ, and T_s, is an unknown in place of the curves' coefficients."""
     setup, model, part = solved.fitted, solved.fitted.model, solved.fitted.model.slices[1]
@@ -133,7 +133,7 @@ def lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[F
         return []
     curve, each = solved.curves(u), PerLevel(tuple(u.tolist()))
     begin = np.r_[curve.steady, curve.tau1, solved.x[part.stop :]]
-    found = ended_near(replace(setup, model=replace(model, Ts=each, tau1=each)), begin)
+    found = fit_near(replace(setup, model=replace(model, Ts=each, tau1=each)), begin)
     tau = found.x[len(u) : 2 * len(u)]
     if not found.solver.converged or (tau <= 0).any():
         return []
@@ -144,7 +144,7 @@ def lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[F
         covariance = rows @ of.covariance @ rows.T / np.outer(tau, tau)
         degrees = min(of.variance(row)[1] for row in rows)
     line = levels_about(tau, curve.tau1, setup.slopes(u)[1][:, part], covariance)
-    own, _, _ = own_of_levels(line, curve.tau1, degrees)
+    own, _, _ = pull_to_line(line, curve.tau1, degrees)
     if not np.sqrt(np.diag(covariance)).max() < LAG_KNOWN or np.abs(own - np.log(curve.tau1)).max() < LAG_OFF:
         return []
     return levels_scatter(line, u, own, np.log(curve.tau1), by_curve=True, parameter="tau1")

@@ -20,7 +20,7 @@ import numpy as np
 
 from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
-from eaid.estimate.recorded_log import creep_at, recorded_log, shifted
+from eaid.estimate.recorded_log import creep_at, recorded_log, shift_input
 from eaid.logs.run import Run
 from eaid.plant.dynamics import Plant, plant_numbers, plant_rest, plant_terms
 from eaid.plant.respond import left_of_start, respond
@@ -68,11 +68,11 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     level = recorded_log(run, float(fit.options.reading.get("rest") or 0.0))
     own = next((log for log in fit.logs if log.sha256 == run.sha256 and log.sha256 and log.name == run.name), None)
     if own is not None:
-        level = shifted(level, own.late_rows)
+        level = shift_input(level, own.late_rows)
         share = (run.time_s - run.time_s[0]) / (run.time_s[-1] - run.time_s[0])
         run = replace(run, output=run.output - creep_at(share) @ np.array(own.creep))
     elif run.sha256 and any(one.sha256 == run.sha256 for one in fit.data.sources):  # a log of its steps
-        level = shifted(level, round(fit.noted_late_s / median(level.dt_s)))
+        level = shift_input(level, round(fit.noted_late_s / median(level.dt_s)))
         run = without_creep(run, fit)
     duty, stepwise = level.input, level.stepwise
     idle = idle_of(run, duty, own, plant)

@@ -23,7 +23,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.special import stdtr, stdtrit
 
 from eaid.arrays import Array
-from eaid.estimate.mixed import Further, MixedLine, MixedValues, restricted
+from eaid.estimate.mixed import Further, MixedLine, MixedValues, fit_restricted
 from eaid.sessions.gather import MANY
 
 EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
@@ -161,7 +161,7 @@ class Model:
     def likeliest(self) -> tuple["Model", float]:
         """The same with the variances that its values make likeliest, looked for from its own; and −log L there."""
         near, variances = self.variances[self.free], np.zeros(3)
-        found = restricted(self.line.values, np.maximum(near, 1e-3) if near.any() else None)
+        found = fit_restricted(self.line.values, np.maximum(near, 1e-3) if near.any() else None)
         variances[self.free] = found.v
         return replace(self, variances=variances), found.cost
 

@@ -64,7 +64,7 @@ class AveragedRecord:
     within: float = 0.0  # Sum of squares of the samples about the means that stand for them: no shape takes it away
 
 
-def averaged_record(time_s: Array, y: Array) -> AveragedRecord:
+def average_record(time_s: Array, y: Array) -> AveragedRecord:
     """A record as some `MOST_POINTS` means and what they leave out."""
     count = len(y)
     if count <= MOST_POINTS:
@@ -119,7 +119,7 @@ def starts_of(
                     (C > 0) & (C < 1) if shape == "free" else (C > 1) & (C < LARGEST_C) & (tau[j] > TAUS_APART * tau[i])
                 )
                 cost = np.where(inside, cost, np.inf)
-            best = _apart(cost, np.log(tau[j]))[: 1 if shape == "one" else None]
+            best = _pick_apart(cost, np.log(tau[j]))[: 1 if shape == "one" else None]
             p = np.stack([change, np.log(tau[i]), np.log(tau[j] / tau[i]), C, np.full(len(i), delay)], axis=1)
             rows.append([(float(cost[m]), p[m]) for m in best if np.isfinite(cost[m])])
     found = {}
@@ -132,7 +132,7 @@ def starts_of(
     return found
 
 
-def _apart(cost: Array, slow: Array) -> list[int]:
+def _pick_apart(cost: Array, slow: Array) -> list[int]:
     """The best place, and the best of those whose ln τ2 is far from it, on either side: a grid is coarse for τ1."""
     best = int(cost.argmin())
     far = [np.where(side * (slow - slow[best]) > FAR_START, cost, np.inf) for side in (1, -1)]

@@ -30,8 +30,8 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.steps import decay
 from eaid.results.common import Interval
-from eaid.shapes.curves import AveragedRecord, averaged_record, delays_tried, slopes, starts_of, step_curve
-from eaid.shapes.shape import FREE, SHAPES_SETTLED, fit_step, independent_samples, least
+from eaid.shapes.curves import AveragedRecord, average_record, delays_tried, slopes, starts_of, step_curve
+from eaid.shapes.shape import FREE, SHAPES_SETTLED, fit_step, independent_samples, solve_least
 from eaid.steps.step import moving_means, usual_step
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
@@ -73,21 +73,24 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
     steps = steps[:: 1 + (len(steps) - 1) // LEVELS_ASKED] if steps else []
     share = options.held_share or SHARE
     late = [step for step in steps if starts_late(step, share)]
-    if 2 * len(late) > len(steps) and (by_shapes := of_shapes(late, stepset.levels, options, len(steps))) is not None:
+    if (
+        2 * len(late) > len(steps)
+        and (by_shapes := find_by_shapes(late, stepset.levels, options, len(steps))) is not None
+    ):
         return by_shapes
-    found = extrapolated(stepset)
+    found = find_by_rises(stepset)
     theta_s = found.dead_time_s
     levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
     law = Law("free", share) if options.held_share in (None, SHARE) else Law("two", share)
     if theta_s or sum(evidence(level, law) for level in levels) > LATE_EVIDENCE:
-        by_curves = of_least_squares(levels, law)
+        by_curves = find_by_cost(levels, law)
         if by_curves is not None:
             return by_curves
-    better = sum(explained_as_well(step, theta_s, options) for step in steps) if theta_s else 0
+    better = sum(explains_as_well(step, theta_s, options) for step in steps) if theta_s else 0
     return found if not steps or 2 * better > len(steps) else Begin()
 
 
-def of_shapes(late: Sequence[LevelStep], levels: Sequence[Level], options: FitOptions, asked: int) -> Begin | None:
+def find_by_shapes(late: Sequence[LevelStep], levels: Sequence[Level], options: FitOptions, asked: int) -> Begin | None:
     """The dead time of the steps that start late by their best shapes; None where most of those `asked` have none."""
     shapes = [fit_step(step, replace(options, shape="auto")) for step in late]
     shapes = [one for one in shapes if one.dead_time_s > 0]
@@ -95,10 +98,10 @@ def of_shapes(late: Sequence[LevelStep], levels: Sequence[Level], options: FitOp
         return None
     weight = np.array([(one.change / (one.tau1 * max(one.rmse, 1e-12 * abs(one.change)))) ** 2 for one in shapes])
     theta_s, reach = _mean(np.array([one.dead_time_s for one in shapes]), weight, levels)
-    return _late(theta_s, reach if len(shapes) > 1 else None)
+    return _begin_late(theta_s, reach if len(shapes) > 1 else None)
 
 
-def _late(theta_s: float, reach: float | None) -> Begin:
+def _begin_late(theta_s: float, reach: float | None) -> Begin:
     """A dead time, known to so much where that is known."""
     ends = None if reach is None else (max(theta_s - reach, 0.0), theta_s + reach)
     known: dict[str, Any] = {} if ends is None else {"low": ends[0], "high": ends[1]}
@@ -117,23 +120,23 @@ def _row_s(levels: Sequence[Level]) -> float:
     return median(np.array([usual_step(level.time_s) for level in levels]))
 
 
-def extrapolated(stepset: StepSet) -> Begin:
+def find_by_rises(stepset: StepSet) -> Begin:
     """How late the rises begin, by the curves that lead to them; below 0: before their input is noted."""
     starts = [(level.time_s, run) for level in stepset.levels for run in level.runs]
     found = np.array([one for time_s, run in starts if (one := _start_of(time_s, run)) is not None])
     if len(found) < max(2, len(starts) / 2):
         return Begin()
-    return _told(found, stepset.levels)
+    return _judge_starts(found, stepset.levels)
 
 
-def _told(found: Array, levels: Sequence[Level]) -> Begin:
+def _judge_starts(found: Array, levels: Sequence[Level]) -> Begin:
     """The mean of rows of dead time, weight and time constant, (n, 3); 0 where scatter or the rows explain it."""
     theta, weight, tau = found.T
     (mean, reach), row_s = _mean(theta, weight, levels), _row_s(levels)
     if abs(mean) < max(START_ROWS * row_s, LEAST_PART * median(tau), reach):
         return Begin()
     if mean > 0:
-        return _late(mean, reach)
+        return _begin_late(mean, reach)
     rows, ms = max(1, round(-mean / row_s)), -1e3 * mean
     late = finding("input-late", "steps", rows=rows, ms=ms, low=ms - 1e3 * reach, high=ms + 1e3 * reach)
     return Begin(mean, findings=(late,))
@@ -148,28 +151,28 @@ class Law(NamedTuple):
 
 def evidence(level: Level, law: Law) -> float:
     """By how much the logarithm of the likelihood of a level's mean curve grows with a dead time, twice."""
-    points = averaged_record(level.time_s, level.mean)
-    plain, late = (_fitted(points, delays, law) for delays in ([0.0], delays_tried(points)))
+    points = average_record(level.time_s, level.mean)
+    plain, late = (_fit_curves(points, delays, law) for delays in ([0.0], delays_tried(points)))
     if plain is None or late is None or not 0 < late[1] < plain[1]:
         return 0.0
     return independent_samples(level.mean - step_curve(late[0], level.time_s)) * float(np.log(plain[1] / late[1]))
 
 
-def _fitted(points: AveragedRecord, delays: Sequence[float], law: Law) -> tuple[Array, float] | None:
+def _fit_curves(points: AveragedRecord, delays: Sequence[float], law: Law) -> tuple[Array, float] | None:
     """Two exponentials from the best of some dead times, and what they leave; None: no place on the grid."""
     starts = starts_of(points, float(points.time_s[-1]), delays, law.share, (law.shape,))[law.shape]
     if not starts:
         return None
-    ends = (least(points, p, law.shape, FREE[law.shape], SHAPES_SETTLED) for p in starts)
+    ends = (solve_least(points, p, law.shape, FREE[law.shape], SHAPES_SETTLED) for p in starts)
     p, left = min(ends, key=lambda end: end[1])
     return p, left + points.within
 
 
-def of_least_squares(levels: Sequence[Level], law: Law) -> Begin | None:
+def find_by_cost(levels: Sequence[Level], law: Law) -> Begin | None:
     """The dead time behind which two exponentials leave least of the levels' mean curves; None where they leave more
     than noise."""
-    points = [averaged_record(level.time_s, level.mean) for level in levels]
-    fits, free = [_fitted(one, [0.0, *delays_tried(one)], law) for one in points], FREE[law.shape]
+    points = [average_record(level.time_s, level.mean) for level in levels]
+    fits, free = [_fit_curves(one, [0.0, *delays_tried(one)], law) for one in points], FREE[law.shape]
     near = [found[0] for found in fits if found is not None]
     if len(near) < len(fits):
         return None
@@ -177,7 +180,7 @@ def of_least_squares(levels: Sequence[Level], law: Law) -> Begin | None:
 
     def ends(theta: float) -> list[tuple[Array, float]]:  # always from there: far off, a curve ends elsewhere
         begin = [np.append(p[:4], theta) for p in near]
-        return [least(one, p, law.shape, free, SHAPES_SETTLED) for one, p in zip(points, begin, strict=True)]
+        return [solve_least(one, p, law.shape, free, SHAPES_SETTLED) for one, p in zip(points, begin, strict=True)]
 
     def cost(theta: float) -> float:
         each = zip(ends(theta), points, noise, strict=True)
@@ -197,7 +200,7 @@ def of_least_squares(levels: Sequence[Level], law: Law) -> Begin | None:
         for run in level.runs:
             shift, spread = float((unit @ (J.T @ (run - curve)))[-1]), float(unit[-1, -1]) * _noise(run - curve)
             found.append((float(p[4]) + shift, 1 / max(spread, 1e-300), float(np.exp(p[1]))))
-    return _told(np.array(found), levels) if 2 * white > len(levels) and len(found) > 1 else None
+    return _judge_starts(np.array(found), levels) if 2 * white > len(levels) and len(found) > 1 else None
 
 
 def _noise(left: Array) -> float:
@@ -234,12 +237,12 @@ def _start_of(time_s: Array, run: Array) -> tuple[float, float, float] | None:
 
 def starts_late(step: LevelStep, share: float) -> bool:
     """Whether a dead time saves a good part of what a step's best curve without one leaves."""
-    points = averaged_record(step.time_s, step.output - step.start)
+    points = average_record(step.time_s, step.output - step.start)
     plain, less = (_left(points, delays, share) for delays in ([0.0], delays_tried(points)))
     return less < (1 - SAVED) ** 2 * plain
 
 
-def explained_as_well(step: LevelStep, theta_s: float, options: FitOptions) -> bool:
+def explains_as_well(step: LevelStep, theta_s: float, options: FitOptions) -> bool:
     """Whether two exponentials from a dead time on leave no more of a step, in the mean, than from its own start."""
     plain, kept = replace(options, shape="two", dead_time=0.0), step.time_s >= theta_s
     later = replace(step, time_s=step.time_s[kept] - theta_s, output=step.output[kept])
@@ -254,15 +257,15 @@ def _left(points: AveragedRecord, delays: Sequence[float], share: float) -> floa
     return min(sums, default=np.inf) + points.within
 
 
-def set_behind(stepset: StepSet, dead_time_s: float) -> StepSet:
+def cut_behind(stepset: StepSet, dead_time_s: float) -> StepSet:
     """The set as it is seen from where its inputs act: each level and release from its dead time on."""
     if dead_time_s == 0:
         return stepset
-    parts = ((_later(one, dead_time_s) for one in part) for part in (stepset.levels, stepset.releases))
+    parts = ((_cut_later(one, dead_time_s) for one in part) for part in (stepset.levels, stepset.releases))
     levels, releases = (tuple(one for one in part if len(one.time_s) >= LEAST_ROWS) for part in parts)
     return replace(stepset, levels=levels, releases=releases)
 
 
-def _later(level: Level, dead_time_s: float) -> Level:
+def _cut_later(level: Level, dead_time_s: float) -> Level:
     kept = level.time_s >= dead_time_s
     return replace(level, time_s=level.time_s[kept] - dead_time_s, runs=level.runs[:, kept])

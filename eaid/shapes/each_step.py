@@ -10,7 +10,7 @@ import numpy as np
 from eaid.options import FitOptions
 from eaid.plant.steps import decay, rise
 from eaid.results.models import FrictionLevel, LevelIntervals, StepShape
-from eaid.shapes.intervals import WIDEST_FACTOR, Tail, mean_before, with_interval
+from eaid.shapes.intervals import WIDEST_FACTOR, Tail, add_intervals, mean_before
 from eaid.shapes.shape import fit_step
 from eaid.steps.stepset import StepSet
 
@@ -18,7 +18,7 @@ LEAST_TAIL = 1e-6  # Part of a step's change below which what it has left is not
 FEW_STEPS = 3  # Steps up to which each is shown by itself, too
 
 
-def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
+def fit_single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     """The shape of each change of input, where some go from level to level, where they are few, or where it is asked.
 
     Steps from rest are fitted together, as levels, too; these are beside them, with their intervals. Each carries the
@@ -43,7 +43,7 @@ def single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]
             start -= size * mean_before(rest_s, tau)
             moved -= abs(size * mean_before(rest_s / 2, tau) * float(rise(np.array(-rest_s / 2), tau)))
         alone = replace(step, output=output, start=start, rest_moved=max(moved, 0.0)) if tail else step
-        shape = with_interval(alone, fit_step(alone, options), options, tail)
+        shape = add_intervals(alone, fit_step(alone, options), options, tail)
         found[k] = msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail))
         before = k
     return tuple(found[k] for k in range(len(steps)))
@@ -70,14 +70,14 @@ def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
     return tuple(part for part in parts if abs(part[0]) + part[2] > LEAST_TAIL * abs(shape.change))
 
 
-def of_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
+def fit_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape, ...]:
     """The first rise to each level that asks for another shape than the paper's, with intervals, where most do."""
     first_rises = {step.level: step for step in reversed(stepset.level_steps) if step.edge == "up"}
     asking: list[StepShape] = []
     for k, step in enumerate(first_rises[level] for level in sorted(first_rises)):
         shape = fit_step(step, options)
         if any(found.code == "other-shape-fits-better" for found in shape.findings):
-            asking.append(with_interval(step, shape, options))
+            asking.append(add_intervals(step, shape, options))
         elif 2 * (k + 1 - len(asking)) >= len(first_rises):  # it can be most of them no more
             return ()
     return tuple(asking)

@@ -38,7 +38,7 @@ NEARLY_TWO = 4.0  # Difference of AICc from which two exponentials are nearly ch
 WIDEST_FACTOR = 3.0  # Factor by which an interval of a time constant may reach to either side before it says nothing
 
 
-def with_interval(step: LevelStep, shape: StepShape, options: FitOptions, tail: Tail = ()) -> StepShape:
+def add_intervals(step: LevelStep, shape: StepShape, options: FitOptions, tail: Tail = ()) -> StepShape:
     """One fitted step with its intervals, and a finding where some say nothing; `tail` was taken from its output."""
     if options.ci == "none":
         return shape

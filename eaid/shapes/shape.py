@@ -23,7 +23,7 @@ from eaid.shapes.curves import (
     SHAPES,
     TAUS_APART,
     AveragedRecord,
-    averaged_record,
+    average_record,
     delays_tried,
     overshoots,
     slopes,
@@ -78,7 +78,7 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
             f"{step.time_s[-1]:.3g} s; give a shorter one"
         )
     y = step.output - step.start
-    points = averaged_record(step.time_s, y)
+    points = average_record(step.time_s, y)
     wanted = SHAPES if options.shape == "auto" else (options.shape,)
     tried: list[_Candidate] = []
     for dead in (False, True) if options.held_dead_time_s is None else (options.held_dead_time_s > 0,):
@@ -91,12 +91,12 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
         k = one.unknowns
         aicc = count * math.log(max(one.sse + rounding, 1e-300)) + 2 * k + 2 * k * (k + 1) / max(count - k - 1, 1.0)
         scores[one.name] = aicc
-    chosen = _chosen(tried, scores)
+    chosen = _choose(tried, scores)
     every = AveragedRecord(step.time_s, y, np.ones(len(y)))
-    p, _ = _polished(every, chosen.p, chosen.shape, chosen.free, STEP_SETTLED)
+    p, _ = _polish(every, chosen.p, chosen.shape, chosen.free, STEP_SETTLED)
     plain = [one.sse for one in tried if one.shape in ("one", "two") and not one.dead]
     others = None if chosen.shape in ("one", "two") and p[4] == 0 else min(plain, default=None)
-    return _result(step, chosen.shape, p, scores, y, None if others is None else math.sqrt(others / len(y)))
+    return _describe(step, chosen.shape, p, scores, y, None if others is None else math.sqrt(others / len(y)))
 
 
 def _candidates(
@@ -115,7 +115,7 @@ def _candidates(
     found: list[_Candidate] = []
     for shape, starts in starts_of(points, window, delays, share, wanted).items():
         free = FREE[shape] + ((4,) if dead and given is None else ())
-        fits = [least(points, start, shape, free, STARTS_SETTLED) for start in starts]
+        fits = [solve_least(points, start, shape, free, STARTS_SETTLED) for start in starts]
         fits += [
             (p, one.sse - points.within) for one in (*simpler, *found) if (p := _within(one, shape, share)) is not None
         ]
@@ -123,7 +123,7 @@ def _candidates(
             fits = [one for one in fits if overshoots(one[0], window)]
         if fits:
             near = min(fits, key=lambda one: one[1])
-            p, sse = min(near, _polished(points, near[0], shape, free, SHAPES_SETTLED), key=lambda one: one[1])
+            p, sse = min(near, _polish(points, near[0], shape, free, SHAPES_SETTLED), key=lambda one: one[1])
             found.append(_Candidate(shape, dead, p, sse + points.within, free))
     return found
 
@@ -138,7 +138,7 @@ def _within(one: _Candidate, shape: str, share: float) -> Array | None:
     return p if shape != "free" or LEAST_SHARE <= p[3] <= 1 - LEAST_SHARE else None
 
 
-def _polished(
+def _polish(
     points: AveragedRecord, start: Array, shape: str, free: tuple[int, ...], settled: float
 ) -> tuple[Array, float]:
     """The least squares next to one start: the unknowns p and the weighted sum of squares.
@@ -146,7 +146,7 @@ def _polished(
     A dead time bends the curve at every sample that it passes, so it is fitted between two samples, those between
     which the other unknowns as they are leave least, until no other two leave less.
     """
-    p, sse = least(points, start, shape, free, settled)
+    p, sse = solve_least(points, start, shape, free, settled)
     middle, reach = 0.5 * (points.time_s[1:] + points.time_s[:-1]), max(2, LOOKED_AT // len(points.time_s))
     middle = middle[middle < 0.9 * points.time_s[-1]]
     for _ in range(DELAY_ROUNDS):
@@ -158,14 +158,14 @@ def _polished(
             s = step_way(at, after)
             along, square = s @ (points.weight * points.output), (s**2) @ points.weight
             moved[4] = near[np.argmax(along**2 / np.maximum(square, 1e-300))]
-        q, less = least(points, moved, shape, free, settled)
+        q, less = solve_least(points, moved, shape, free, settled)
         if not less < (1 - settled) * sse:
             break
         p, sse = q, less
     return p, sse
 
 
-def least(
+def solve_least(
     points: AveragedRecord, start: Array, shape: str, free: tuple[int, ...], settled: float
 ) -> tuple[Array, float]:
     """Least squares within bounds from one start, its dead time kept between the same two samples.
@@ -225,7 +225,7 @@ def independent_samples(left: Array, rounding: float = 0.0, fewest: float = 12.0
     return max(count / max(1.0, (1 + alike) / (1 - alike), spread), fewest)
 
 
-def _chosen(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
+def _choose(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
     """The paper's form; one exponential where a second adds nothing; else what is better and worth it."""
     named = {one.name: one for one in tried}
     plain = [name for name in ("two", "one", "two+dead", "one+dead") if name in named]
@@ -241,7 +241,7 @@ def _chosen(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
     return named[chosen]
 
 
-def _result(
+def _describe(
     step: LevelStep, shape: str, p: Array, scores: dict[str, float], y: Array, plain_rmse: float | None
 ) -> StepShape:
     """The result; `plain_rmse` is that of the paper's form, or of one exponential, where another was chosen."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eaid.estimate.scatter import RunStatistics, common_shifts, pooled_scatter
+from eaid.estimate.scatter import RunStatistics, common_shifts, pool_scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of, satterthwaite
 
 
@@ -60,7 +60,7 @@ def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
     assert common_shifts(runs_of(shift + 50 * own), 0) is not None  # F = 15.7 of 3 and 21 degrees of freedom
     assert common_shifts(runs_of(own), 0) is None
     assert common == pytest.approx(shift + own.mean(axis=0) - (shift + own).mean(), abs=1e-12)
-    found = pooled_scatter(levels)
+    found = pool_scatter(levels)
     assert found.common[0] == pytest.approx(common @ common / 3 / 4)
     left = own - own.mean(axis=0) - own.mean(axis=1, keepdims=True) + own.mean()
     assert found.expected[0, 0] == pytest.approx((left**2).sum() / (7 * 3) / 4)

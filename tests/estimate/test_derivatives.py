@@ -10,7 +10,7 @@ import pytest
 from eaid.estimate.data import data_of
 from eaid.estimate.forms import nonlinear
 from eaid.estimate.points import Points, compress, level_normal, log_crossed
-from eaid.estimate.solver import EndPoint, Problem, approach, ends_solved, newton_step, polish, slsqp
+from eaid.estimate.solver import EndPoint, Problem, approach, newton_step, polish, slsqp, solve_ends
 from eaid.levels.from_steps import StepProblem
 from eaid.plant.dynamics import REFERENCE_PLANT
 
@@ -92,8 +92,7 @@ def bowl(third_at_least: float | None = None, left: float = 1.0) -> Problem:
 
 def test_badly_scaled_unknowns_and_a_constraint_are_no_trouble() -> None:
     free, held = (
-        polish(problem, ends_solved([approach(problem, np.zeros(3))], problem)[0])[0]
-        for problem in (bowl(), bowl(-1e5))
+        polish(problem, solve_ends([approach(problem, np.zeros(3))], problem)[0])[0] for problem in (bowl(), bowl(-1e5))
     )
     assert (free.x - CENTRE) / SCALES == pytest.approx(0, abs=1e-6)
     assert held.x[2] == pytest.approx(-1e5, rel=1e-9) and held.x[2] >= -1e5

@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from eaid.estimate.data import data_of
-from eaid.levels.certainty import levels_first
+from eaid.levels.certainty import estimate_levels_first
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def curves(x: np.ndarray, u: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 def test_it_is_the_weighted_least_squares_with_one_free_size_a_level(levels: Any) -> None:
     """Weights 1/(T² + s²) at the solution; T of each level by its own closed form."""
-    fit = levels_first(levels, data_of(levels), 0.85)
+    fit = estimate_levels_first(levels, data_of(levels), 0.85)
     u, t = np.array([one.level for one in levels]), levels[0].time_s
     y, weight = np.array([one.mean for one in levels]), fit.solved.steps.weight
 
@@ -45,7 +45,7 @@ def test_it_is_the_weighted_least_squares_with_one_free_size_a_level(levels: Any
 
 
 def test_its_gradient_is_that_of_its_cost(levels: Any) -> None:
-    fit = levels_first(levels, data_of(levels), None)
+    fit = estimate_levels_first(levels, data_of(levels), None)
     x = fit.solved.x * 1.1
     _, gradient, _ = fit.solved.steps.normal(x)
     for k in range(len(x)):
@@ -56,12 +56,12 @@ def test_its_gradient_is_that_of_its_cost(levels: Any) -> None:
 
 def test_a_run_moves_it_as_its_influence_says(levels: Any) -> None:
     """One run of 50 % is taken a tenth further from its level's mean: the estimate is fitted again."""
-    before, u = levels_first(levels, data_of(levels), 0.85), np.array([20.0, 50.0, 80.0])
+    before, u = estimate_levels_first(levels, data_of(levels), 0.85), np.array([20.0, 50.0, 80.0])
     which, step = 4, 0.1
     runs = levels[which].runs.copy()
     runs[1] += step * (runs[1] - levels[which].mean)
     moved = tuple(replace(one, runs=runs) if i == which else one for i, one in enumerate(levels))
-    after = levels_first(moved, data_of(moved), 0.85, near=before)
+    after = estimate_levels_first(moved, data_of(moved), 0.85, near=before)
     value, slopes = before.numbers(u, before.coefficients)
     now, _ = before.numbers(u, np.append(before.curve.gains @ after.solved.at.theta[0], after.solved.x))
     gain = before.influence.of(slopes.reshape(9, -1)).gain[which]
@@ -73,8 +73,8 @@ def test_a_level_that_does_not_move_and_one_of_zeros_have_no_say(levels: Any, se
     random = np.random.default_rng(0)
     flat = replace(levels[0], level=5.0, runs=0.01 * random.standard_normal(levels[0].runs.shape))
     zeros = replace(levels[0], level=2.0, runs=0.0 * levels[0].runs)
-    found = levels_first((zeros, flat, *levels), data_of((zeros, flat, *levels)), 0.85)
-    alone = levels_first(levels, data_of(levels), 0.85)
+    found = estimate_levels_first((zeros, flat, *levels), data_of((zeros, flat, *levels)), 0.85)
+    alone = estimate_levels_first(levels, data_of(levels), 0.85)
     u = np.arange(20.0, 101.0, 20.0)
     ours, theirs = (one.numbers(u, one.coefficients)[0] for one in (found, alone))
     assert found.solved.solver.converged and ours[1:] == pytest.approx(theirs[1:], abs=0.25)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import stdtrit
 
-from eaid.estimate.mixed import MixedLine, MixedValues, restricted
+from eaid.estimate.mixed import MixedLine, MixedValues, fit_restricted
 
 DYESTUFF = np.array(  # Davies (1947), as in lme4: six batches of five yields [g]
     [
@@ -38,13 +38,13 @@ def ahead(line: MixedLine, x: np.ndarray, known: float = np.inf) -> tuple[float,
 def test_dyestuff_as_lme4_has_it():
     batch = np.repeat(np.arange(6), 5)
     same = (batch[:, None] == batch).astype(float)
-    line = restricted(MixedValues(DYESTUFF.ravel(), np.ones((30, 1)), np.zeros((30, 30)), (same, np.eye(30))))
+    line = fit_restricted(MixedValues(DYESTUFF.ravel(), np.ones((30, 1)), np.zeros((30, 30)), (same, np.eye(30))))
     np.testing.assert_allclose(line.v, [1764.0504, 2451.25], rtol=1e-5)
     np.testing.assert_allclose([line.beta[0], line.covariance[0, 0]], [1527.5, 375.7167], rtol=1e-5)
 
 
 def test_the_next_batch_has_the_interval_of_a_further_mean():
-    line = restricted(MixedValues(DYESTUFF.mean(axis=1), np.ones((6, 1)), np.zeros((6, 6)), (np.eye(6),)))
+    line = fit_restricted(MixedValues(DYESTUFF.mean(axis=1), np.ones((6, 1)), np.zeros((6, 6)), (np.eye(6),)))
     mean, variance, degrees = ahead(line, np.ones(1))
     assert (mean, degrees) == pytest.approx((1527.5, 5.0), rel=1e-5)
     assert stdtrit(degrees, 0.975) * np.sqrt(variance) == pytest.approx(131.829, rel=1e-5)
@@ -60,13 +60,13 @@ def sessions() -> MixedValues:
 
 @pytest.fixture(scope="module")
 def line() -> MixedLine:
-    return restricted(sessions())
+    return fit_restricted(sessions())
 
 
 def test_the_variances_are_those_of_statsmodels_mixedlm():
     """statsmodels 0.15: `y ~ x`, groups of sessions, re_formula 1, vc_formula 0 + x, REML; no variance known."""
     plain = replace(sessions(), W=np.zeros((15, 15)))
-    found = restricted(plain)
+    found = fit_restricted(plain)
     np.testing.assert_allclose(found.v, [0.0553075, 0.1906696, 0.01213644], rtol=1e-6)
     np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), [0.1090230, 0.2194123], rtol=1e-6)
 
@@ -91,6 +91,6 @@ def test_slope_and_curvature_are_those_of_the_likelihood(line):
 def test_values_that_scatter_less_than_they_are_known_have_no_component():
     x = np.linspace(0, 1, 8)
     off = 0.1 * np.array([1, -1, -1, 1, 1, -1, -1, 1])  # neither shifts nor tilts a line
-    line = restricted(MixedValues(2 + x + off, np.c_[np.ones(8), x], np.eye(8), (np.eye(8),)))
+    line = fit_restricted(MixedValues(2 + x + off, np.c_[np.ones(8), x], np.eye(8), (np.eye(8),)))
     assert line.v[0] == 0
     assert ahead(line, np.array([1, 0.5]), 6.0) == pytest.approx((2.5, 0.125, 6.0))

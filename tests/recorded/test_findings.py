@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 import eaid
-from eaid.estimate.recorded_log import RecordedLog, recorded_log, shifted
+from eaid.estimate.recorded_log import RecordedLog, recorded_log, shift_input
 from eaid.options import Excitation
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.recorded.closed_loop import law_behind
@@ -62,7 +62,7 @@ def test_a_dead_time_and_an_input_noted_late_are_taken_over(kind: str, late: int
     e = Excitation(kind=kind, duration_s=60.0, rate_hz=50.0, **({"hold_s": (0.5, 8.0)} if kind == "random" else {}))
     log = recorded_log(synthesise_excitation(clutch(), e, NOISE, 1)[0])
     options = replace(PLAIN, duty=(10.0, 100.0))
-    plain, fit = (fit_recorded([one], options, falls=False) for one in (log, shifted(log, -late)))
+    plain, fit = (fit_recorded([one], options, falls=False) for one in (log, shift_input(log, -late)))
     told = {one.code: one.values for one in fit.findings if one.code in ("input-late", "dead-time")}
     near = pytest.approx(20.0, abs=2)
     wanted = {1: {"input-late": {"rows": 1, "ms": near, "low": near, "high": near}}, 0: {}}

@@ -13,7 +13,7 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.plant.respond import respond
 from eaid.recorded.fit import fit_recorded
-from eaid.recorded.inputs import excited_by
+from eaid.recorded.inputs import find_inputs
 from eaid.recorded.log_intervals import engagements
 
 LAG = Plant((0.5,), (0.5,), (0.0, 0.02), (1.0, 100.0), C=1.0)
@@ -28,7 +28,7 @@ def test_a_ramp_that_is_held_for_ten_rows_a_value_is_no_staircase():
     t = np.arange(40_000) * 1e-3
     ramp = np.repeat(np.linspace(0, 100, 4000), 10)
     assert log(t, ramp).stepwise
-    found = excited_by([log(t, ramp)], None)
+    found = find_inputs([log(t, ramp)], None)
     assert not found.stepwise and found.low < 5 and found.high > 95
     told = fit_recorded([log(t[::10], ramp[::10])], FitOptions(model=("nonlinear",)))
     assert told.plant.steady(50.0) == pytest.approx(1.0, rel=0.02)
@@ -37,7 +37,7 @@ def test_a_ramp_that_is_held_for_ten_rows_a_value_is_no_staircase():
 def test_levels_that_are_all_but_alike_are_one():
     t = np.arange(4000) * 0.01
     u = np.repeat([0.0, 20.0, 20.004, 60.0, 19.998, 60.003, 100.0, 0.0], 500)
-    assert excited_by([log(t, u)], None).levels == pytest.approx([20, 60, 100], abs=0.01)
+    assert find_inputs([log(t, u)], None).levels == pytest.approx([20, 60, 100], abs=0.01)
 
 
 def test_an_input_that_changes_within_a_gap_is_not_noted_late(tmp_path):

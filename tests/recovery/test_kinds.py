@@ -68,10 +68,10 @@ def test_without_noise_the_truth_comes_back(name: str, late: str) -> None:
         if truth.kind == "lag":
             break
     for name in ("zeta", "dead_time_s", "falls", "excess", "release", "idle", *(["C"] if truth.zeta is None else [])):
-        true = getattr(replace(truth, idle=25.0), name)
-        if name == "release" and true is None and found.release is not None:  # falls to rest go as the lowest input
-            true = tuple(float(tau) for tau in truth.time_constants(case.levels[1]))
-        assert getattr(found, name) == (true if true is None else pytest.approx(true, rel=1e-6, abs=1e-6)), name
+        value = getattr(replace(truth, idle=25.0), name)
+        if name == "release" and value is None and found.release is not None:  # falls to rest go as the lowest input
+            value = tuple(float(tau) for tau in truth.time_constants(case.levels[1]))
+        assert getattr(found, name) == (value if value is None else pytest.approx(value, rel=1e-6, abs=1e-6)), name
     since = np.linspace(0.0, 5.0, 251)
     predicted = fit.predict(60.0, since)  # of the plant, whatever other models were fitted
     true = respond(truth, np.array([-1.0, 0.0]), np.array([0.0, 60.0]), since)
