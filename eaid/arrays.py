@@ -29,6 +29,15 @@ def scaled_inverse(matrix: Array, rcond: float = 1e-13) -> Array:
     return np.asarray(scale[:, None] * inverse(scale[:, None] * matrix * scale, rcond) * scale)
 
 
+def link(tied: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Which of n are tied to each other, be it by way of others: the number of its group for each, (n,)."""
+    label, before = np.arange(len(tied)), np.full(len(tied), -1)
+    while (label != before).any():
+        before = label
+        label = np.minimum(label, np.where(tied, label, len(tied)).min(axis=1))
+    return np.unique(label, return_inverse=True)[1]
+
+
 def white_squares(values: Array) -> float:
     """Sum of squares of the white noise in values, by the differences of neighbours."""
     between = np.diff(values)

@@ -19,10 +19,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
-from eaid.arrays import Array
+from eaid.arrays import Array, link
 
 NO_VARIANCE = 1e-6  # Part of the data's own variance below which a component is none
 
@@ -45,7 +43,7 @@ class MixedValues:
         """The values that have something in common, block by block, (b, m); n for each that is missing in shorter
         blocks."""
         tied = np.any([self.W != 0, *(G != 0 for G in self.G)], axis=0)
-        label = connected_components(csr_array(tied), directed=False)[1]
+        label = link(tied)
         sizes = np.bincount(label)
         place = np.full((len(sizes), sizes.max()), len(self.y))
         place[np.arange(sizes.max()) < sizes[:, None]] = np.argsort(label, kind="stable")

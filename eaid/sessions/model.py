@@ -19,10 +19,9 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 from scipy.special import stdtr, stdtrit
 
-from eaid.arrays import Array
+from eaid.arrays import Array, link
 from eaid.estimate.mixed import Further, MixedLine, MixedValues, fit_restricted
 from eaid.sessions.gather import MANY
 
@@ -126,7 +125,7 @@ class Model:
         """Which part each of the levels is of: levels of several parts share no session, be it by way of others."""
         of = self.known
         held = (self.knots[:, None] == of.level) @ (of.session[:, None] == np.unique(of.session)).astype(np.intp)
-        return np.asarray(connected_components(held @ held.T, directed=False)[1])
+        return link(held @ held.T > 0)
 
     def part_at(self, level: Array) -> NDArray[np.intp]:
         """The part of some levels: that of the nearest."""

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array
+from eaid.arrays import Array, link
 from eaid.findings import Finding, finding
 from eaid.steps.stepset import RunRecord
 
@@ -47,9 +47,7 @@ def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str = 
               for part in sources]  # fmt: skip
     level = np.array([run.level for group in groups for run in group])
     sitting = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
-    from scipy.sparse.csgraph import connected_components  # a quarter of a second to load
-
-    apart = connected_components((level[:, None] == level) | (sitting[:, None] == sitting), directed=False)[0] > 1
+    apart = bool(link((level[:, None] == level) | (sitting[:, None] == sitting)).any())
     parts, logs, n = tuple(_words(group, unit) for group in groups), _beginnings(groups), len(groups)
     told = partial(finding, "several-sessions", "data", sessions=n, by=by)
     return [told(parts=parts, mixed=apart, logs=logs, options=options)]
