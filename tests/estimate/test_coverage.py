@@ -69,5 +69,5 @@ def test_sweeps_are_noticed_and_covered(sets: Any) -> None:
 def test_one_run_a_level_gives_the_curve(sets: Any) -> None:
     single = sets.measure(sets.VARIANTS["single"], 12, first=20_000)
     for name in ("Ts", "tau1", "tau2"):
-        assert single.ours[f"curves {name}"].mean() >= 85
+        assert np.nanmean(single.ours[f"curves {name}"]) >= 85  # NaN: a level whose τ2 hardly any set tells
     assert single.textbook["level Ts"].mean() < 50
