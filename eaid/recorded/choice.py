@@ -100,7 +100,7 @@ class Chosen:
     def fell(self) -> tuple[str, ...]:
         """What falls have that differs from rises, as extras of the fit."""
         differ = {one.name for one in self.falls if one.fitted and (one.chance or 0.0) < FALL_CHANCE}
-        return tuple(name for name in self.solved.fitted.extras if FALL_NAMES.get(name, ("",))[0] in differ)
+        return tuple(name for name, (first, *_) in FALL_NAMES.items() if first in differ)
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,7 +128,7 @@ def find_lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> l
     open: each level's τ, and T_s, is an unknown in place of the curves' coefficients."""
     setup, model, part = solved.fitted, solved.fitted.model, solved.fitted.model.slices[1]
     u = np.array([level.level for level in levels]) if levels else inputs.levels
-    held = inputs.stepwise and 1 < part.stop - part.start <= len(u) - LEVELS_TO_SPARE <= FEW_LEVELS
+    held = inputs.stepwise and 1 < part.stop - part.start <= len(u) - LEVELS_TO_SPARE and len(u) <= FEW_LEVELS
     if model.kind != "lag" or model.signed or not held:  # one that is constant the evidence has chosen
         return []
     curve, each = solved.curves(u), PerLevel(tuple(u.tolist()))

@@ -28,7 +28,7 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
-from eaid.sessions.gather import MANY, RESPONSES, Value, snapped, together, values_of
+from eaid.sessions.gather import MANY, NO_INTERVAL, RESPONSES, Value, snapped, together, values_of
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import two_sided
 from eaid.shown import Plotted, pandas
@@ -174,6 +174,8 @@ def _pct(ratio: float) -> str:
 def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareOptions) -> Comparison:
     """The first session against each of the others; DataError where they are not of one rig, or share no level."""
     told = together(fits)
+    if unknown := [name for name, fit in fits.items() if not values_of(fit, "Ts", name)]:
+        raise DataError(f"{unknown[0]}: {NO_INTERVAL}")
     letters, shifts = dict(zip(fits, ascii_uppercase, strict=False)), list[Shift]()
     first, *others = fits
     for name in others:

@@ -22,6 +22,7 @@ from eaid.shown import pandas
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
 MANY = 1e9  # Degrees of freedom of what is known for certain
+NO_INTERVAL = "no level has a T_s with an interval; fit the logs again, with «ci»"
 PLAIN_COLUMNS = ("session", "level", "value", "sd_log")
 # What a file name says of drive and stand → how it is called; levels, which change within a session, are no such thing
 NAMED = {"f": "drive frequency", "freq": "drive frequency", "v": "speed", "speed": "speed", "rpm": "speed"}

@@ -238,7 +238,7 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
             if name == "Ts" or one[0].factor < FACTOR:
                 found[name] = one
         elif name == "Ts":
-            raise DataError(f"{', '.join(without)}: no level has a T_s with an interval; fit the logs again, with «ci»")
+            raise DataError(f"{', '.join(without)}: {gather.NO_INTERVAL}")
     sessions = tuple(Session(name, gather.logs_of(fit)) for name, fit in fits.items())
     slim = msgspec.structs.replace(base, steps=(), responses=(), parameters=(), recorded=None, findings=())
     return _judged(found, options=options, input_unit=base.data.input_unit, sessions=sessions, base=slim,

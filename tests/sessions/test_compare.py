@@ -111,6 +111,12 @@ def test_levels_on_one_curve_are_off_together(fits):
     assert np.sqrt(weight @ covariance @ weight) == pytest.approx((weight @ drawn).std(), rel=0.1)
 
 
+def test_a_fit_without_intervals_is_named_for_that(before, make):
+    """ "Shares no level, record one", of a fit that holds them all."""
+    with pytest.raises(eaid.DataError, match="^B: no level has a T_s with an interval; fit the logs again, with ci="):
+        eaid.compare(before, eaid.fit(make(33), ci="none"))
+
+
 def test_holms_probabilities_are_those_of_a_textbook():
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
 
