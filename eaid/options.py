@@ -156,7 +156,10 @@ class FitOptions(Chance):
     )
     estimator: str = option("auto", "By the evidence, or all at once as in the paper.", MODEL, words="auto|joint")
     curve: str = option(
-        "cubic", "T_s of the input: the paper's cubic, or through the value of each level.", MODEL, words="cubic|levels"
+        "auto",
+        "T_s of the input: the paper's cubic, or through the value of each level; auto: where the output levels off.",
+        MODEL,
+        words="auto|cubic|levels",
     )
     ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|white|none")
     draws: int = option(300, "Refits of the bootstrap.", MODEL, least=1, most=100_000)
@@ -173,8 +176,8 @@ class FitOptions(Chance):
 
     @property
     def through(self) -> bool:
-        """Whether T_s(u) goes through values, and is no polynomial."""
-        return self.curve != "cubic"
+        """Whether T_s(u) is asked to go through values, and to be no polynomial."""
+        return self.curve == "levels"
 
     @property
     def held_share(self) -> float | None:

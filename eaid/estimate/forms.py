@@ -161,22 +161,24 @@ class Model:
                 powers = np.zeros(0) if form is None else form.powers(c)
             parts.append(tuple(np.pad(powers, (0, degree + 1 - len(powers))).tolist()))
         (Ts, tau1, tau2), share = parts, float(x[-1]) if self.share is None else self.share
+        own = (
+            tuple(zip(self.Ts.levels, x[self.slices[0]].tolist(), strict=True)) if isinstance(self.Ts, PerLevel) else ()
+        )
         if self.kind == "parallel":
-            own = zip(self.Ts.levels, x[self.slices[0]].tolist(), strict=True) if isinstance(self.Ts, PerLevel) else ()
-            return Plant(tau1, tau2, Ts, (self.low, self.high), share, Ts_through=tuple(own))
+            return Plant(tau1, tau2, Ts, (self.low, self.high), share, Ts_through=own)
         if self.kind == "pair":
             one, two = (tau[: self.tau1.size] for tau in (tau1, tau2))
-            return Plant(one, two, Ts, (self.low, self.high), share, floor_s=self.least_s)
+            return Plant(one, two, Ts, (self.low, self.high), share, Ts_through=own, floor_s=self.least_s)
         swings = self.kind == "swing"
         if self.signed and not below:  # one gain for both sides
             below = (0.0, -Ts[1])
         tau1 = tau1[: self.tau1.size]
         if swings and self.free_share and tau2[0] > 1 and 0 < (C := in_parallel(tau2[0], share)[2]) < MOST_C:
             one, two = (tuple(part * c for c in tau1) for part in in_parallel(tau2[0], share)[:2])
-            return Plant(one, two, Ts, (self.low, self.high), C, Ts_below=below, floor_s=self.least_s)
+            return Plant(one, two, Ts, (self.low, self.high), C, Ts_below=below, Ts_through=own, floor_s=self.least_s)
         return Plant(
             tau1, tau1, Ts, (self.low, self.high), 1.0, zeta=tau2[0] if swings else None,
-            zero=share if swings else 0.0, Ts_below=below, floor_s=self.least_s,
+            zero=share if swings else 0.0, Ts_below=below, Ts_through=own, floor_s=self.least_s,
         )  # fmt: skip
 
     def unknowns(self, p: Plant) -> Array:

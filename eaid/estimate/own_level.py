@@ -21,6 +21,8 @@ SURE = 1e-4  # Part of T_s below which nothing scatters
 # Twice the logarithm of how much likelier levels with a scatter of their own are, from which it is told: one in 200
 SCATTER_SEEN = 6.6
 AT_REST = 0.02  # Part of the largest output up to which that of a level stays at rest
+# Squares over those of T_s(u) through levels of one output, up to which a limit of the drive explains them
+AS_LIMITED = 1.02
 FAR = np.log(10.0)  # Logarithm from which a level is far off its curve, as where that is next to 0
 # Levels of one output: the part of it, and standard errors of the difference, by which they differ at most; how many,
 # over which inputs, and how far the curve is off a level
@@ -80,14 +82,18 @@ def levels_scatter(
     return [finding("levels-scatter", "nonlinear", (), **said, **sizes)]
 
 
-def find_levelled_off(u: Array, own: Array, curve: Array, error: float | None, keeps: str = "levels") -> list[Finding]:
+def find_levelled_off(
+    u: Array, own: Array, curve: Array, error: float | None, keeps: str = "levels", how: str = ""
+) -> list[Finding]:
     """Where the highest levels have one output, and the curve another: the drive clips, or the clutch saturates; `own`
-    and `curve` are ln T_s, (L,), the one known to a standard `error` where that is known; the option `keeps` levels."""
+    and `curve` are ln T_s, (L,), the one known to a standard `error` where that is known; the option `keeps` levels,
+    and `how` T_s(u) follows them."""
     order, to = np.argsort(u), ALIKE_TO if error is None else min(ALIKE_TO, max(LEAST_ALIKE, SURELY * error))
     flat = order[np.flatnonzero(np.abs(own[order] - own[order[-1]]) > to).max(initial=-1) + 1 :]
     many = FEWEST_FLAT <= len(flat) < len(u) and u[flat[-1]] >= FLAT_OVER * u[flat[0]]
     if not many or np.abs(own - curve).max() < OFF_CURVE:
         return []
     within_pct, levels = 100 * float(np.expm1(np.ptp(own[flat]))), u[flat].tolist()
-    values: dict[str, Value] = {"least": float(u.min()), "knee": levels[0], "within_pct": within_pct, "keeps": keeps}
+    values: dict[str, Value] = {"least": float(u.min()), "knee": levels[0], "keeps": keeps, "how": how}
+    values["within_pct"] = within_pct
     return [finding("output-levels-off", "nonlinear", levels, **values)]

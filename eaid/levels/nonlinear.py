@@ -173,14 +173,21 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
             found.append(finding("model-explains-little", "nonlinear", R2=part.R2, fit_pct=part.fit_pct))
         else:
             found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
+    found += (flat := find_flat_levels(estimate, bool(part.Ts_through)))
+    if part.Ts_through or (line := estimate.levels_about_curve) is None:
+        return found
+    u = estimate.solved.steps.data.u
+    curve = np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
+    return [*found, *levels_scatter(line, u, estimate.own_Ts[0], curve, by_curve=bool(flat))]
+
+
+def find_flat_levels(estimate: Estimate, through: bool = False) -> list[Finding]:
+    """Where the highest levels have one output, which no cubic follows; T_s(u) may go `through` them."""
     u, Ts, spread = estimate.solved.steps.data.u, estimate.solved.at.theta[0], None
     curve = np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
     if (estimate.scatter.repeats > 1).any():
         spread = float(np.sqrt(np.median(estimate.gain_scatter.expected[:, 0])))
-    found += (flat := find_levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread))
-    if part.Ts_through or (line := estimate.levels_about_curve) is None:
-        return found
-    return [*found, *levels_scatter(line, u, estimate.own_Ts[0], curve, by_curve=bool(flat))]
+    return find_levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread, how="levels" * through)
 
 
 def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:

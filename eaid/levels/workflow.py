@@ -24,13 +24,14 @@ from eaid.levels.adequacy import adequacy, share_of
 from eaid.levels.bootstrap import bootstrap, drawn_ends
 from eaid.levels.certainty import Estimate, estimate_levels_first
 from eaid.levels.creep import find_share_and_creep
+from eaid.levels.drive_limit import explains_as_well, flat_levels, limit_at
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.friction import friction_part, quote_levels, reach_over_slow_parts, white_ends
 from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
 from eaid.levels.huber import fit_with_loss, huber_findings
 from eaid.levels.jitter import Starts, find_starts_apart, lay_in_step
 from eaid.levels.linear import linear_part
-from eaid.levels.nonlinear import nonlinear_part
+from eaid.levels.nonlinear import find_flat_levels, nonlinear_part
 from eaid.levels.release import release_fit
 from eaid.levels.session_drift import session_drift
 from eaid.options import MODELS, FitOptions, typed
@@ -98,6 +99,8 @@ def fit_steps(
             if no_step and sum(len(one.levels) for one in no_step) < len(stepset.levels) - len(options.hold_out):
                 stepset, recorded = stepset.without(no_step), recorded.without(no_step)
                 result = _fit_levels(stepset, options, progress)[0]
+            if options.curve == "auto" and (flat := flat_levels(result)) is not None:
+                recorded, stepset, result = _fit_within_limit(recorded, stepset, result, flat, options, progress)
             stepset, result = _fit_beside(recorded, stepset, result, options, progress)
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
@@ -138,6 +141,21 @@ def fit_steps(
                 findings=ranked(add_release(one, result.release) for one in every),
             )
         )
+
+
+def _fit_within_limit(
+    recorded: StepSet, behind: StepSet, result: Fit, flat: Finding, options: FitOptions,
+    progress: Callable[[], None] | None,
+) -> tuple[StepSet, StepSet, Fit]:  # fmt: skip
+    """The set as recorded, the same behind its dead time and its fit: of a drive that ends where levels are `flat`,
+    where that explains them as well."""
+    told = msgspec.structs.replace(flat, values={**flat.values, "how": "limit"})
+    limited = [limit_at(one, told) for one in (recorded, behind)]
+    if limited[0] is None or limited[1] is None:
+        return recorded, behind, result
+    within, _ = _fit_levels(limited[1], options, progress)
+    as_well = explains_as_well(within, result, behind.levels)
+    return (limited[0], limited[1], within) if as_well else (recorded, behind, result)
 
 
 def _fit_beside(
@@ -243,6 +261,8 @@ def _fit_model(
         Solution.residuals,
     )
     papers, draws = options.estimator == "joint", None
+    if options.curve == "auto" and not papers and bool((first.scatter.repeats > 1).any()) and find_flat_levels(first):
+        options = replace(options, curve="levels")
     if options.ci == "bootstrap":
         refit = (lambda again: refit_nonlinear(again, joint).x) if papers else first.refit
         draws = bootstrap(levels, data, first.scatter.curves, refit, options, progress)

@@ -57,8 +57,8 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
     how = replace(options, ci="none" if options.ci == "none" else "robust")
     one = "lag+dead" if fit.dead_time_s > 0 else "lag"
     try:
-        experiment = experiment_of(logs, how, logs, repeats=stepset.levels)
-        chosen = chosen_of(experiment, falls=False)
+        experiment = experiment_of(logs, how, logs, repeats=stepset.levels, falls=False)
+        chosen = chosen_of(experiment)
         for kind in ("", one):  # the one of evidence; then the one that the two lags became
             if kind:
                 of_lag = max((row.fit_pct or 0.0 for row in chosen.kinds if row.kind == one), default=0.0)

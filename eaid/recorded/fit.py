@@ -18,6 +18,7 @@ from eaid.errors import UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import map_unknowns, with_intervals
 from eaid.estimate.data import data_of, errors
+from eaid.estimate.own_level import AS_LIMITED
 from eaid.estimate.recorded_log import RecordedLog, changes_in_gaps, logs_of_steps, parts_of, recorded_log
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
@@ -33,7 +34,7 @@ from eaid.recorded.closed_loop import judge_loops, refit_by_instruments
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
 from eaid.recorded.fall_tests import fit_with_falls
-from eaid.recorded.from_logs import Solved, fit_setup, idle_found, plant_found, start_states
+from eaid.recorded.from_logs import Solved, fit_setup, fit_through_levels, idle_found, plant_found, start_states
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, find_inputs, input_findings, move_range, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
@@ -261,8 +262,8 @@ def fit_recorded(
     rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it.
     """
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
-    experiment = experiment_of(logs, options or FitOptions(), runs, steps)
-    return fit_of(experiment, chosen_of(experiment, falls, dead_time_s))
+    experiment = experiment_of(logs, options or FitOptions(), runs, steps, falls=falls)
+    return fit_of(experiment, chosen_of(experiment, dead_time_s))
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,6 +277,7 @@ class Experiment:
     runs: Sequence[RecordedLog | Run]
     steps: StepSet | None
     repeats: Sequence[Level] = ()  # Levels whose means the logs are; their runs tell how they scatter
+    falls: bool = True  # Whether falls may have numbers of their own
 
     @property
     def rests(self) -> bool:
@@ -286,20 +288,21 @@ class Experiment:
 
 def experiment_of(
     logs: Sequence[RecordedLog], options: FitOptions, runs: Sequence[RecordedLog | Run], steps: StepSet | None = None,
-    repeats: Sequence[Level] = (),
+    repeats: Sequence[Level] = (), falls: bool = True,
 ) -> Experiment:  # fmt: skip
     """Logs as they are fitted, beside steps of the same clutch; `DataError` for those that tell nothing."""
     refuse(logs)
     logs = [part for log in logs for part in parts_of(log)]
     others = logs_of_steps(steps) if steps is not None else []
     inputs = find_inputs([*logs, *others], options.duty)
-    return Experiment([add_rest_before(log, inputs) for log in logs], others, inputs, options, runs, steps, repeats)
+    resting = [add_rest_before(log, inputs) for log in logs]
+    return Experiment(resting, others, inputs, options, runs, steps, repeats, falls)
 
 
-def chosen_of(experiment: Experiment, falls: bool, dead_time_s: float = 0.0) -> Chosen:
+def chosen_of(experiment: Experiment, dead_time_s: float = 0.0) -> Chosen:
     """The plant that evidence chooses."""
     logs, others, inputs, options = experiment.logs, experiment.others, experiment.inputs, experiment.options
-    return choose_plant(logs, others, inputs, options, experiment.rests, dead_time_s, falls)
+    return choose_plant(logs, others, inputs, options, experiment.rests, dead_time_s, experiment.falls)
 
 
 def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
@@ -320,6 +323,8 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         spread_by_runs(spread(base), base, experiment.repeats) if options.ci != "none" or inputs.stepwise else None
     )
     own = find_own_levels(base, spreads, inputs, experiment.repeats)
+    if own is not None and own.by_form and options.curve == "auto":
+        return fit_of(*follow_levels(experiment, chosen, own))
     uncertainty = None if options.ci == "none" else spreads
     findings += [] if own is None else own.told
     findings += find_lags_off(base, inputs, experiment.repeats) if spreads is not None else []
@@ -357,6 +362,29 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
             engagements=0 if uncertainty is None else uncertainty.scatter.count,
         ),
     )
+
+
+def follow_levels(experiment: Experiment, chosen: Chosen, own: LevelsOwn) -> tuple[Experiment, Chosen]:
+    """The plant of logs whose levels no cubic follows: of a range that ends where its output levels off, where the
+    drive's limit explains them as well, or with T_s(u) through them."""
+    through, flat = take_levels(chosen, own), own.told[0]
+    if flat.code != "output-levels-off" or (experiment.options.duty or experiment.repeats):
+        return experiment, through
+    inputs = find_inputs([*experiment.logs, *experiment.others], (experiment.inputs.low, flat.levels[0]))
+    within = replace(experiment, inputs=inputs)
+    clipped = chosen_of(within)
+    if clipped.solved.cost > AS_LIMITED * through.solved.cost:
+        return experiment, through
+    told = msgspec.structs.replace(flat, values={**flat.values, "how": "limit"})
+    return within, replace(clipped, findings=[*clipped.findings, told])
+
+
+def take_levels(chosen: Chosen, own: LevelsOwn) -> Chosen:
+    """The plant of logs with T_s(u) through the levels that they hold, which no cubic follows."""
+    told = [msgspec.structs.replace(one, values={**one.values, "how": "levels"}) for one in own.told]
+    if told[0].code == "output-levels-off":  # which says why they scatter
+        told = [one for one in told if one.code != "levels-scatter"]
+    return replace(chosen, solved=fit_through_levels(chosen.solved, own.u), findings=[*chosen.findings, *told])
 
 
 def find_parted_logs(logs: Sequence[RecordedLog]) -> list[Finding]:

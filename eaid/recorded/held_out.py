@@ -17,6 +17,7 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import approach
 from eaid.levels.unseen import judge_unseen
 from eaid.plant.drive import AT_IDLE
+from eaid.plant.forms import PerLevel, pieces_through, piecewise
 from eaid.recorded.creep import hold_creeps
 from eaid.recorded.from_logs import Setup, Solved, setup_of
 from eaid.results.recorded import LogsHeldOut
@@ -99,6 +100,7 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
     problem = _set_up_like(fitted, [part[k] for k in kept]).problem()
     end, before = approach(problem, x[at], near=PART_SETTLED), problem.value(x[at])[0]
     x[at] = end.x
+    _bridge_unseen(x, fitted, [part[k] for k in kept])
     every = _set_up_like(fitted, whole).every
     missed = []
     for k, drive in enumerate(every.drives):
@@ -111,6 +113,16 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
             r = r - J[:, its] @ np.linalg.lstsq(J[:, its], r, rcond=None)[0]
         missed.append(r / np.sqrt(drive.w[drive.w > 0]))
     return missed, before <= (1 + AGREES) * end.cost + problem.floor
+
+
+def _bridge_unseen(x: Array, fitted: Setup, kept: Sequence[RecordedLog]) -> None:
+    """Give T_s of levels that the other logs do not hold as the curve through those that they do has it."""
+    if not isinstance(form := fitted.model.Ts, PerLevel):
+        return
+    held = np.concatenate([log.input[np.isfinite(log.output)] for log in kept])
+    seen = form.rows(held).any(axis=0)
+    through = pieces_through(tuple(zip(form.inputs[seen].tolist(), x[: form.size][seen].tolist(), strict=True)))
+    x[: form.size][~seen] = piecewise(through, form.inputs[~seen], (fitted.model.low, fitted.model.high))
 
 
 def _set_up_like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:

@@ -47,6 +47,7 @@ class LevelsOwn:
     half: Array
     scatter: float  # σ_d: how far levels lie off the curve, a part of T_s
     told: list[Finding]
+    by_form: bool  # Whether they are of one rig, and lie off the curve since they follow no such one
 
     @property
     def wide(self) -> list[Finding]:
@@ -86,8 +87,9 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
     own, half, _ = pull_to_line(line, size, degrees, gains)
     curve, error = np.log(size), float(np.sqrt(np.median(np.diag(covariance))))
     flat = find_levelled_off(u, np.log(Ts), curve, error, "levels" if levels else "duty")
-    told = [*flat, *levels_scatter(line, u, own, curve, by_curve=bool(flat) or not levels)]
-    found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told)
+    by_curve = bool(flat) or not levels
+    told = [*flat, *levels_scatter(line, u, own, curve, by_curve)]
+    found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told, by_curve and bool(told))
     if still := [level for level, (_, high) in zip(u.tolist(), found.ends, strict=True) if high <= AT_REST * Ts.max()]:
         told.append(msgspec.structs.replace(finding("output-stays-at-rest", "nonlinear", still), severity="caution"))
     return found

@@ -86,13 +86,22 @@ def test_a_level_of_one_lag_keeps_its_own_value_too() -> None:
     assert told.values["scatter_pct"] > 5
 
 
+SATURATED = {float(u): float(REFERENCE_PLANT.steady(70.0) / REFERENCE_PLANT.steady(u)) for u in LEVELS if u > 70}
+ALL_MODELS = ("friction", "nonlinear", "linear")
+
+
 def test_an_output_that_levels_off_is_told_by_name_and_reaches_the_rig(tmp_path: Path) -> None:
-    """A drive that clips at 70 %: what `tune_rc` accepts `export` does not refuse."""
-    clipped = {float(u): float(REFERENCE_PLANT.steady(70.0) / REFERENCE_PLANT.steady(u)) for u in LEVELS if u > 70}
-    fit = fitted(20.0, 3, off=clipped, model=("friction", "nonlinear", "linear"))
-    told = {one.code: one for one in fit.findings}
+    """A clutch that saturates at 70 %, its time constants going on: what `tune_rc` accepts `export` does not refuse."""
+    fit, cubic = (fitted(20.0, 3, off=SATURATED, model=ALL_MODELS, curve=how) for how in ("auto", "cubic"))
+    told = {one.code: one for one in cubic.findings}
     assert told["output-levels-off"].levels == (70.0, 80.0, 90.0, 100.0)
+    assert "no cubic" in say(told["output-levels-off"])
     assert "other days" not in say(told["levels-scatter"]) and "levels-scatter" in told
+    told = {one.code: one for one in fit.findings}
+    assert "through the levels" in say(told["output-levels-off"]) and "levels-scatter" not in told
+    assert fit.nonlinear.fit_pct > cubic.nonlinear.fit_pct + 5
+    for row in fit.friction_levels:
+        assert float(fit.plant.steady(row.level)) == pytest.approx(row.Ts, rel=1e-9)
     made = eaid.export(eaid.tune_rc(fit), tmp_path / "rig", fit)
     assert "export-unstable" not in codes(made)
 

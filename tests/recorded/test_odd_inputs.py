@@ -9,12 +9,15 @@ import pytest
 import eaid
 from eaid.estimate.draw import draw, drawable
 from eaid.estimate.recorded_log import RecordedLog
+from eaid.findings import say
 from eaid.options import FitOptions
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.plant.respond import respond
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.inputs import find_inputs
 from eaid.recorded.log_intervals import engagements
+
+from ..conftest import codes
 
 LAG = Plant((0.5,), (0.5,), (0.0, 0.02), (1.0, 100.0), C=1.0)
 
@@ -67,7 +70,7 @@ def test_levels_of_a_staircase_have_values_of_their_own(tmp_path):
     y = respond(REFERENCE_PLANT, t, np.minimum(u, 70.0), t)
     y = y + (0.005 + 0.005 * y) * random.standard_normal(len(t))
     pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": y}).to_csv(path := tmp_path / "log.csv", index=False)
-    how = {"model": ("friction", "nonlinear")}
+    how = {"model": ("friction", "nonlinear"), "curve": "cubic"}
     fit = eaid.fit(eaid.read(path, logs_as="recorded"), **how)
     for row in fit.friction_levels:
         true = float(REFERENCE_PLANT.steady(min(row.level, 70.0)))
@@ -76,13 +79,22 @@ def test_levels_of_a_staircase_have_values_of_their_own(tmp_path):
     told = {one.code: one for one in fit.findings}
     assert told["output-levels-off"].levels == (70.0, 80.0, 90.0, 100.0)
     assert max(abs(fit.plant.steady(row.level) / row.Ts - 1) for row in fit.friction_levels) > 0.03
-    through = eaid.fit(eaid.read(path, logs_as="recorded"), curve="levels", **how)
+    through = eaid.fit(eaid.read(path, logs_as="recorded"), **{**how, "curve": "levels"})
     assert through.logs[0].fit_pct > fit.logs[0].fit_pct + 4
     again = eaid.simulate(through, log=path).records["log"].metrics.fit_pct
     assert again == pytest.approx(through.logs[0].fit_pct, abs=0.01)
     for row in through.friction_levels:
         assert float(through.plant.steady(row.level)) == pytest.approx(row.Ts, rel=1e-9)
         assert row.tau2 == pytest.approx(float(REFERENCE_PLANT.time_constants(min(row.level, 70.0))[1]), rel=0.15)
+    limited = eaid.fit(eaid.read(path, logs_as="recorded"), model=how["model"])  # by itself
+    (told,) = [one for one in limited.findings if one.code == "output-levels-off"]
+    assert "inputs beyond 70 act as it does" in say(told) and limited.logs[0].fit_pct > fit.logs[0].fit_pct + 4
+    assert limited.plant.u_range == (20.0, 70.0) and "falls-differ" not in codes(limited)
+    for row in limited.friction_levels:
+        true = REFERENCE_PLANT.at(row.level)
+        for name in ("Ts", "tau1", "tau2"):
+            low, high = getattr(row.ci95, name)
+            assert low < getattr(true, name) < high
 
 
 def test_an_output_of_the_other_sign_is_refused_by_its_name():

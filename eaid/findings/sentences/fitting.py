@@ -320,6 +320,8 @@ ROWS: dict[str, Row] = {
             + (
                 " off; no quadratic follows it: fit the levels that you use alone"
                 if v.get("parameter", "Ts") != "Ts"
+                else " off it; T_s(u) goes through them"
+                if v.get("how")
                 else " off; «curve» levels takes T_s through them"
                 if v.get("by_curve")
                 else " off; were they recorded on other days, or is T_s no cubic? «curve» levels takes it through them"
@@ -328,8 +330,18 @@ ROWS: dict[str, Row] = {
         rank=1,
     ),
     "output-levels-off": caution(
-        "the output is the same {at} (within {within_pct:.2g} %), and T_s(u) is not: the clutch saturates there, or "
-        "its drive clips the input at {knee:g} or before; «{keeps}» {least:g}:{knee:g} fits up to there",
+        lambda v: (
+            f"the output is the same {v['at']} (within {v['within_pct']:.2g} %): the clutch saturates there, or its "
+            f"drive clips the input at {v['knee']:g} or before; "
+            + (
+                "T_s(u) goes through the levels' values"
+                if v.get("how") == "levels"
+                else f"inputs beyond {v['knee']:g} act as it does"
+                if v.get("how") == "limit"
+                else "no cubic T_s(u) follows it"
+            )
+            + f"; «{v['keeps']}» {v['least']:g}:{v['knee']:g} fits up to there"
+        ),
         rank=0,
     ),
     "curve-misses-levels": caution(
