@@ -384,6 +384,7 @@ def take_levels(chosen: Chosen, own: LevelsOwn) -> Chosen:
     told = [msgspec.structs.replace(one, values={**one.values, "how": "levels"}) for one in own.told]
     if told[0].code == "output-levels-off":  # which says why they scatter
         told = [one for one in told if one.code != "levels-scatter"]
+    told = [one if one.code != "levels-scatter" else msgspec.structs.replace(one, severity="note") for one in told]
     return replace(chosen, solved=fit_through_levels(chosen.solved, own.u), findings=[*chosen.findings, *told])
 
 

@@ -33,6 +33,7 @@ from eaid.steps.stepset import Level
 
 LEAST_SIZE = 0.02  # Of the largest T_s, in whose parts one that is next to 0 by the curve is counted
 MAY_BE_0 = 0.7  # Half-width of the logarithm beyond which a level's interval is that of its value
+NOTHING = 1e-9  # Part of the largest T_s, or standard error, below which there is none
 LAG_OFF = 0.08  # Of ln τ, from which a lag is told to lie off its curve: that of one run scatters by 5 %
 LAG_KNOWN = 0.5  # Standard error of ln τ of levels by themselves up to which they tell that
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
@@ -120,9 +121,13 @@ def _by_logs(solved: Solved, u: Array) -> ByThemselves | None:
     found = fit_through_levels(solved, u)
     if not found.solver.converged:
         return None
-    of, Ts = spread(found), found.x[: len(u)]
+    of, Ts = spread(found), np.maximum(found.x[: len(u)], NOTHING * found.x[: len(u)].max())
     degrees = min(of.variance(row)[1] for row in np.eye(len(u), len(found.x)))
-    return Ts, of.covariance[: len(u), : len(u)] / np.outer(Ts, Ts), degrees, None
+    covariance = of.covariance[: len(u), : len(u)]
+    size = np.sqrt(np.diag(covariance))
+    held = size <= NOTHING * size.max()  # at 0 by its constraint: no surer than the others
+    covariance = covariance + np.diag(np.where(held, np.median(size[~held]) ** 2, 0.0))
+    return Ts, covariance / np.outer(Ts, Ts), degrees, None
 
 
 def find_lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[Finding]:
