@@ -76,12 +76,14 @@ def is_duty(fit: Fit) -> bool:
 
 
 def input_limits(fit: Fit) -> tuple[float, float]:
-    """Range of the actuator: 0…100 % of a duty, of another input 0 to what was identified."""
+    """Range of the actuator: 0…100 % of a duty, of another input 0 to what was identified; of both signs where it was
+    recorded so."""
+    signed = fit.plant_ is not None and bool(fit.plant_.Ts_below)
     if is_duty(fit):
-        return 0.0, 100.0
-    if fit.plant_ is not None:  # of both signs where it was recorded so
+        return (-100.0 if signed else 0.0), 100.0
+    if fit.plant_ is not None:
         top = fit.plant_.u_range[1]
-        return (-top if fit.plant_.Ts_below else 0.0), top
+        return (-top if signed else 0.0), top
     highest = fit.nonlinear.u_range[1] if fit.nonlinear is not None else max(fit.data.levels, default=0.0)
     if not highest > 0:
         raise UsageError(f"the fit tells no highest input in {fit.data.input_unit}; give «duty_limits»")

@@ -87,6 +87,7 @@ def operating_points(
     if plant is not None and plant.sloped:
         low, high = plant.u_range
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, MARGIN_POINTS).tolist()
+        duties = [*(-u for u in reversed(duties) if plant.signed), *duties]
         down = falling(plant)
         ways = [(False, plant)] + ([(True, down)] if down is not None else [])
         return [Point(u, float(plant.steady(u)), around(way, u), falls) for falls, way in ways for u in duties]
@@ -116,7 +117,9 @@ def may_be_steeper(
         beside = np.array(inputs[max(place - 1, 0) : place + 2])
         chords = np.diff(plant.steady(beside)) / np.diff(beside)
         parabola = float(np.interp(u, beside[[0, -1]], chords[[0, -1]]))
-        between = np.linspace(max(beside[0], plant.u_range[0]), beside[-1], STEEP_INPUTS).tolist()
+        least = plant.u_range[0]
+        ends_at = (max(beside[0], least), beside[-1]) if u > 0 else (beside[0], min(beside[-1], -least))
+        between = np.linspace(*ends_at, STEEP_INPUTS).tolist()
         beyond = 1.0 if own is None or not point.torque_nm else max(1.0, own[1] / point.torque_nm)
         steepest = max(gain, parabola, *map(plant.slope, between)) * (beyond + 2 * scatter)
         if gain > 0:

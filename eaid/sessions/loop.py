@@ -18,6 +18,9 @@ from eaid.results.replay import Record, Replay
 from eaid.steps.noise import block_noise
 
 
+ROUNDED_S = 1e-9  # Of a time stamp
+
+
 class Kept(Result, frozen=True):
     """One number of the loop: as recorded, as promised, with what 95 % of the plants do."""
 
@@ -74,6 +77,8 @@ def promise_of(
         )
     held = given.records if given is not None else gains.controllers_by_name if gains is not None else {}
     name = options.controller or next(iter(held), "")
+    if not held and not options.controller:
+        raise UsageError(f"{run.where}: is a loop's log; give the gains that it ran with, «gains» gains.json")
     if name not in held and name not in ("open-loop", "inverse"):
         raise UsageError(f"«controller» {name}: the files hold {', '.join(held) or 'none'}; give the loop that ran")
     if given is None:
@@ -89,13 +94,19 @@ def promise_of(
     if units != wanted:
         raise DataError(f"{run.where}: is in {' and '.join(units)}, the promise in {' and '.join(wanted)}; say «units»")
     noise = block_noise(run.output)
-    return Promise(name, run.where, run.output_unit, noise, _rows(run, given.records[name], noise))
+    record = given.records[name]
+    from_s = max(record.metrics.counted_from_s or 0.0, given.head.counted_from_s or 0.0)
+    return Promise(name, run.where, run.output_unit, noise, _rows(run, record, noise, from_s))
 
 
-def _rows(run: Run, record: Record, noise: float) -> tuple[Kept, ...]:
-    """RMS and largest error, and by how much the output peaks above the reference's highest value."""
+def _rows(run: Run, record: Record, noise: float, from_s: float) -> tuple[Kept, ...]:
+    """RMS and largest error from the instant on that those of the replay count from, and by how much the output peaks
+    above the reference's highest value."""
     assert run.reference_nm is not None
-    error, top = np.abs(run.reference_nm - run.output), float(run.reference_nm.max())
+    counted, top = run.time_s - run.time_s[0] >= from_s - ROUNDED_S, float(run.reference_nm.max())
+    if not counted.any():
+        raise DataError(f"{run.where}: ends before {from_s:g} s, from where on the replay's errors count")
+    error = np.abs(run.reference_nm - run.output)[counted]
     spread = record.metrics.plants.metrics if record.metrics.plants is not None else {}
     peak_of_noise = noise * float(np.sqrt(2 * np.log(len(error))))  # what the largest of so many samples lies off by
     rms, largest = float(np.sqrt(max(np.mean(error**2) - noise**2, 0.0))), max(float(error.max()) - peak_of_noise, 0.0)

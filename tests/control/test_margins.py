@@ -11,6 +11,8 @@ import eaid
 from eaid.control.margins import may_be_steeper, operating_points
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import PAPER_LINEAR
+from eaid.results.codec import to_plain
+from eaid.results.plant import FittedPlant
 
 LAGS = ((0.0772, 0.2673), (0.0136, 15.53))
 """Gain [N·m/%] and time constant [s] of two lags, as around 100 % duty of the reference plant."""
@@ -262,3 +264,25 @@ def test_the_pi_that_rc_is_compared_with_has_its_margins() -> None:
     assert done.equal_pi.phase_deg == pytest.approx(done.equal_pi_feedforward.phase_deg, abs=1e-6)
     less = done.equal_pi_feedforward.K_P - done.equal_pi.K_P
     assert less == pytest.approx(model.a0 / model.b0)
+
+
+@pytest.mark.parametrize("unit", ["V", "%"])
+def test_a_rig_and_its_mirror_have_one_margin(fit_of, unit):
+    """An input of both signs is held on both sides of rest: the steeper one decides, whichever it is."""
+    least = []
+    for up, down in ((0.05, 0.03), (0.03, 0.05)):
+        plant = Plant((0.5,), (0.5,), (0.0, up), (10.0, 100.0), C=1.0, Ts_below=(0.0, -down))
+        data = {"input_unit": unit, "output_unit": "N·m", "levels": [10.0, 50.0, 100.0]}
+        fit = fit_of(plant=to_plain(FittedPlant.of(plant, (unit, "N·m"))), data=data)
+        made = eaid.tune_rc(fit, pi_gains=(10.0, 20.0), anyway=True)
+        assert made.duty_limits_pct == (-100.0, 100.0)
+        points = made.margins.points
+        assert [one.duty_pct for one in points] == [-100, -50, -10, 10, 50, 100]
+        gains = {one.duty_pct > 0: one.loops["pi"].gain_db for one in points}
+        assert (
+            gains[up > down]
+            == min(gains.values())
+            == pytest.approx(max(gains.values()) - 20 * math.log10(5 / 3), abs=0.3)
+        )
+        least.append(min(gains.values()))
+    assert least[0] == pytest.approx(least[1], rel=1e-9)

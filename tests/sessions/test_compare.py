@@ -196,3 +196,19 @@ def test_a_log_without_a_reference_is_refused(loop, tmp_path):
     recorded(1).drop(columns="reference_nm").to_csv(tmp_path / "loop.csv", index=False)
     with pytest.raises(eaid.DataError, match="holds no reference beside input and output"):
         eaid.compare(fit, tmp_path / "loop.csv", gains=gains)
+
+
+def test_a_replay_is_kept_by_its_own_record(loop, tmp_path):
+    """Its errors count from some seconds on, and so do those of the log: the first ones made it MISSED."""
+    fit, gains, _ = loop
+    run = eaid.simulate(fit, gains, "multisine", controller=("pi",), rate_hz=200.0)
+    run.save(tmp_path / "replay.h5")
+    own, names = run.records["pi"].columns, ("time_s", "duty_pct", "torque_nm", "reference_nm")
+    pd.DataFrame({name: own[name] for name in names}).to_csv(tmp_path / "loop.csv", index=False)
+    assert run.head.counted_from_s > 1
+    found = eaid.compare(tmp_path / "replay.h5", tmp_path / "loop.csv")
+    assert found.promise.kept, found.summary()
+    for row in found.promise.rows:
+        assert row.recorded == pytest.approx(row.promised, rel=1e-2, abs=1e-2)
+    with pytest.raises(eaid.UsageError, match="give the gains that it ran with"):
+        eaid.compare(fit, tmp_path / "loop.csv")
