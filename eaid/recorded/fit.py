@@ -88,6 +88,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog, creep: tuple[float, float
         idle=idle_found(solved, k) + (log.baseline or 0.0),
         start=start_states(solved, k),
         creep=creep,
+        counted_from_s=float(time_s[0] - log.time_s[0]),
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,

@@ -3,8 +3,9 @@
 The input of a row acts until the next row's time, each interval exactly, behind the plant's dead time (`respond`), from
 rest at first. A run that may begin loaded (a release, or a first input that is not zero) starts at the two states that
 fit its first held input best (`start_of`), not at its first, noisy sample. A log of the fit itself has the idle output
-and the start that were fitted, and is without the creep that the fit is without. Of another, the recorded output is
-counted from its idle value: the run's own baseline, else the mean over its leading rows at rest, else the plant's.
+and the start that were fitted, is without the creep that the fit is without, and is compared from where the fit does.
+Of another, the recorded output is counted from its idle value: the run's own baseline, else the mean over its leading
+rows at rest, else the plant's.
 
     difference = recorded − model:   largest, RMS, mean (its sign kept)
     R2                               1 − Σ (recorded − model)² / Σ (recorded − mean recorded)²
@@ -86,9 +87,12 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     if own is not None and start == (0.0, 0.0) and duty[0] != 0:  # switched on at its first row, from rest
         changes_s, inputs = np.append(time_s[0] - time_s[1], time_s), np.append(0.0, duty)
     model = read_only(respond(plant, changes_s, inputs, time_s, start, stepwise))
+    from_s = own.counted_from_s if own is not None else 0.0
+    counted = slice(int(np.searchsorted(time_s, from_s - 1e-9 * time_s[-1])), None)
+    metrics = apart(torque[counted], model[counted], idle, start[0] + start[1] * plant_numbers(plant).z)
     return Record(
         {"time_s": time_s, "reference_nm": torque, "torque_nm": model, "duty_pct": run.input},
-        apart(torque, model, idle, start[0] + start[1] * plant_numbers(plant).z),
+        msgspec.structs.replace(metrics, counted_from_s=from_s or None),
         role="recorded-input",
     )
 
