@@ -30,16 +30,19 @@ from eaid.estimate.spread import (
 )
 from eaid.levels.from_steps import Solution, fit_levels_first
 from eaid.levels.slow_part import SlowPart, slow_part
-from eaid.levels.torque_curve import TorqueCurve, torque_curve
+from eaid.levels.torque_curve import USUAL, TorqueCurve, torque_curve
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.forms import Points
 from eaid.plant.steps import step_slopes
+from eaid.shapes.shape import WHITE, independent_samples
 from eaid.steps.stepset import Level
 
 # Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it
 LEVELS_TO_SPARE = 2
 SAYS_NOTHING = float(np.log(100.0))  # Logarithm of the factor up or down from which an interval says nothing
+USUAL_SCATTER = (USUAL, 0.05, 0.05)  # Of ln T_s, ln τ1, ln τ2 from run to run, where nothing shows it
+SHOWN_PART = 0.25  # Of a record, up to which a τ2 is shown by single runs of few levels
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 
 
@@ -104,10 +107,13 @@ class Estimate:
         gain, back = gains_of(every * at.information, every * self.along(at.theta), take, self.blocked)
         alone = of_levels is None and bool((self.scatter.repeats == 1).all())
         singles = self._singles(at) if alone else np.zeros((0, L + p))
-        singles = np.concatenate([singles, self._of_creep(at, take)])
+        singles = np.concatenate([singles, self._of_creep(at, take)]) @ back
+        if alone and not self.by_levels:  # nothing shows how runs scatter
+            known = np.array(USUAL_SCATTER) * t_quantile(np.inf) / t_quantile(self.single_degrees)
+            singles = np.concatenate([singles, *(gain[:, :3] * known[:, None])])
         gradient = np.einsum("lk,lkm->m", weight[:, None] * at.score, take)
         scatter, least = of_levels or self.scatter.of_levels, self.of_noise @ back if alone and self.by_levels else None
-        return Influence((not alone) * gain, scatter, singles @ back, self.single_degrees, least), -gradient @ back
+        return Influence((not alone) * gain, scatter, singles, self.single_degrees, least), -gradient @ back
 
     def _of_creep(self, at: Normal, take: Array) -> Array:
         """The scores that one standard error of a creep makes that was taken off, (1, L + p), if any."""
@@ -244,6 +250,16 @@ class Estimate:
     def slow(self) -> SlowPart:
         """Which slow time constants the runs leave possible."""
         return slow_part(self.levels, self.solved.steps, self.solved.x)
+
+    def leaves_slow_part(self, high: Array) -> bool:
+        """Whether single runs of few levels, whose noise is coloured and whose scatter nothing shows, have a τ2 of most
+        levels up to more than a part of the record: ln τ2 reaches up to `high`, (L,)."""
+        if self.by_levels or (self.scatter.repeats > 1).any():
+            return False
+        curves = [one.mean - J[:, 0] for one, J in zip(self.levels, self.scatter.jacobians, strict=True)]
+        coloured = any(independent_samples(left) < WHITE * len(left) for left in curves)
+        record = np.array([level.time_s[-1] for level in self.levels])
+        return coloured and 2 * int((high > np.log(SHOWN_PART * record)).sum()) > len(self.levels)
 
     def gain_half_width(self) -> Array:
         """Half-width of ln T_s of the levels where τ1 and τ2 are known, by how their runs scatter, (L,).

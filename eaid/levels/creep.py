@@ -72,7 +72,8 @@ def find_share_and_creep(stepset: StepSet, share: ShareEstimate, held: float) ->
         if _creeps(rate, levels, idle) and not (single and _cost_of_share(levels, held) <= cost):
             told = free and share_is_told(C.value - C.half, C.value + C.half)
             return told, Creep(rate.value, rate.error, rate.half, t0)
-    return bool(share.matters and share.ci95 is not None and share_is_told(*share.ci95)), None
+    few = single and len(levels) < FEWEST_SINGLES  # the noise within them bends them as another C does
+    return bool(not few and share.matters and share.ci95 is not None and share_is_told(*share.ci95)), None
 
 
 def share_is_told(low: float, high: float) -> bool:

@@ -25,6 +25,7 @@ from eaid.levels.bootstrap import drawn_ends, spread_of
 from eaid.levels.certainty import Estimate
 from eaid.levels.friction import HELD_BY, LevelValues, level_findings, quote_levels, tau2_open, widen
 from eaid.levels.from_steps import Solution, textbook_covariance
+from eaid.levels.slow_part import slow_part
 from eaid.levels.torque_curve import BEYOND_CHANCE
 from eaid.levels.unseen import leave_levels_out
 from eaid.options import FitOptions
@@ -148,13 +149,16 @@ def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOption
     if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
         low[0], high[0] = low[0] + value - curve, high[0] + value - curve
         return quote_levels(estimate.levels, theta, held, (low, high, degrees))
-    if free or not (estimate.slow.endless or tau2_open(estimate.levels, theta, (low, high)) or HOLDING & {*one.held}):
+    slow, holding, unseen = estimate.slow, bool(HOLDING & {*one.held}), estimate.leaves_slow_part(high[2])
+    if unseen or (holding and (estimate.scatter.repeats == 1).all()):  # what noise makes of a run no other run shows
+        slow = slow_part(estimate.levels, estimate.solved.steps, estimate.solved.x, tested=False)
+    if free or not (slow.endless or tau2_open(estimate.levels, theta, (low, high)) or holding or unseen):
         if estimate.level_scatter > 0:
             beyond = np.maximum(0.5 * (high[0] - low[0]) - estimate.curve_half_width(), 0.0)
             low[0], high[0], degrees[0] = value - half - beyond, value + half + beyond, known
         return quote_levels(estimate.levels, theta, held, (low, high, degrees))
     # T_s with every slow part that is possible, C being held
-    least, most = np.log(np.maximum([estimate.slow.Ts_low, estimate.slow.Ts_high], 1e-300))
+    least, most = np.log(np.maximum([slow.Ts_low, slow.Ts_high], 1e-300))
     half = estimate.gain_half_width()
     low[0], high[0] = np.minimum(value, least) - half, np.maximum(value, most) + half
     low[1], high[1] = widen(low[1], high[1])

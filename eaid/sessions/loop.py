@@ -17,7 +17,6 @@ from eaid.results.gains import Gains
 from eaid.results.replay import Record, Replay
 from eaid.steps.noise import block_noise
 
-
 ROUNDED_S = 1e-9  # Of a time stamp
 
 

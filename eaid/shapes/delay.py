@@ -31,7 +31,7 @@ from eaid.plant.dynamics import SHARE
 from eaid.plant.steps import decay
 from eaid.results.common import Interval
 from eaid.shapes.curves import AveragedRecord, average_record, delays_tried, slopes, starts_of, step_curve
-from eaid.shapes.shape import FREE, SHAPES_SETTLED, fit_step, independent_samples, solve_least
+from eaid.shapes.shape import FREE, SHAPES_SETTLED, WHITE, fit_step, independent_samples, solve_least
 from eaid.steps.step import moving_means, usual_step
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
@@ -47,7 +47,6 @@ FEWEST_ROWS, RISE_TAUS = 6, 30
 START_NOISE = 0.02  # Of the held output: noise that is larger is averaged before a rise's rows are looked for
 LATE_EVIDENCE = 30.0  # Twice the logarithm of the likelihood that noise alone hardly makes of a dead time
 CURVES_TRIED, EARLIEST = 9, 0.5  # Dead times tried, from so much before the step, as a part of the latest
-WHITE = 0.5  # Part of the samples that is independent where a curve leaves nothing but noise
 
 
 class Begin(NamedTuple):

@@ -46,6 +46,7 @@ STARTS_SETTLED, SHAPES_SETTLED, STEP_SETTLED = 1e-4, 1e-7, 1e-12
 LOOKED_AT = 300_000  # Half of the values of the curve that are worked out to find a dead time, at most
 DELAY_ROUNDS = 20  # Pairs of samples between which a dead time is fitted, at most
 STEP_ROUNDING = 1e-16  # Of a sum of squares, as a part of that of the output
+WHITE = 0.5  # Part of the samples that is independent where a curve leaves nothing but noise
 LEAST_SHARE = 0.01  # Least C of a free shape, and least 1 − C
 
 

@@ -131,7 +131,27 @@ def test_clean_long_records_know_the_slow_part_of_single_runs() -> None:
     ]
     fit = eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=("friction", "nonlinear"))
     for row in fit.friction_levels:
-        assert row.ci95.tau2[0] < 3 < row.ci95.tau2[1] < 3.4 and np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) < 0.01
+        assert row.ci95.tau2[0] < 3 < row.ci95.tau2[1] < 3.6
+        # that of further runs, which nothing shows, is taken for 3 %
+        assert 0.11 < np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) < 0.13
+
+
+@pytest.mark.parametrize(
+    ("levels", "seeds"),
+    [((10.0, 30.0, 60.0, 100.0), range(8)), (tuple(LEVELS.tolist()), (209, *range(210, 213)))],
+    ids=["few", "ten"],
+)
+def test_short_single_runs_hold_what_noise_and_a_slow_part_leave_open(levels: tuple[float, ...], seeds: Any) -> None:
+    """Five seconds, noise that lasts: T_s was held at 65 % of four levels (± 2 % told, 10 % off), τ1 at 48 %."""
+    inside: dict[str, list[bool]] = {"Ts": [], "tau1": []}
+    for seed in seeds:
+        steps = eaid.synth(levels=levels, repeats=1, hold_s=5.0, rate_hz=200.0, seed=seed)
+        for row in eaid.fit(steps, model=("friction", "nonlinear")).friction_levels:
+            for name, held in inside.items():
+                if (ends := getattr(row.ci95, name)) is not None:
+                    held.append(ends[0] < getattr(REFERENCE_PLANT.at(row.level), name) < ends[1])
+    assert len(inside["Ts"]) == len(levels) * len(seeds) and np.mean(inside["Ts"]) >= 0.9
+    assert np.mean(inside["tau1"]) >= 0.9
 
 
 def test_one_lag_is_not_taken_for_a_slow_part_that_never_comes() -> None:
