@@ -294,7 +294,8 @@ def experiment_of(
     """Logs as they are fitted, beside steps of the same clutch; `DataError` for those that tell nothing."""
     refuse(logs)
     logs = [part for log in logs for part in parts_of(log)]
-    others = logs_of_steps(steps) if steps is not None else []
+    signed = any(float(log.input.min()) < 0 for log in logs)  # no plant of both sides is fitted with steps
+    others = logs_of_steps(steps) if steps is not None and not signed else []
     inputs = find_inputs([*logs, *others], options.duty)
     resting = [add_rest_before(log, inputs) for log in logs]
     return Experiment(resting, others, inputs, options, runs, steps, repeats, falls)

@@ -21,6 +21,7 @@ AT_REST_BELOW = 0.02  # An input below this part of its largest is at rest
 INPUTS_APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a commanded duty is exact …
 MEASURED = 0.1  # … and a measured input wanders
 SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
+STILL, NOISE_MOST = 6.0, 0.3  # Deviations of a held input's noise that are no input, and part of the largest
 AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
 RETURNS = 4  # So many falls to rest make a recording of its own, where the rests are shorter than the holds; fewer …
 LEFT_OVER = 0.03  # … where the next step begins on more than this part of what the one before has risen
@@ -43,7 +44,7 @@ class Plateau:
 def tolerance(values: Array) -> float:
     """How far an input may stray on a plateau: 1 % of its range, or six times its noise, whichever is more."""
     span = float(np.ptp(values)) if len(values) else 0.0
-    return max(0.01 * span, 6.0 * sample_noise(values))
+    return max(0.01 * span, STILL * sample_noise(values))
 
 
 def plateaus(values: Array) -> list[Plateau]:
@@ -141,10 +142,11 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
     signed = run.input - rest
     level = np.abs(signed)
     top = float(level.max())
-    loaded = level > AT_REST_BELOW * top
+    noise = min(STILL * sample_noise(signed), NOISE_MOST * top) if still else 0.0  # of a voltage monitor at rest
+    loaded = level > max(AT_REST_BELOW * top, noise)
     if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(signed) <= AT_REST_BELOW * top):
         return False
-    if min(float(signed.max()), -float(signed.min())) > SIGNED * top or (loaded.all() and still):
+    if min(float(signed.max()), -float(signed.min())) > max(SIGNED * top, noise) or (loaded.all() and still):
         return True  # of both signs, or from level to level without ever coming to rest
     starts, ends = stretches(loaded)
     apart = INPUTS_APART.get(run.input_unit, MEASURED) * top
