@@ -35,6 +35,7 @@ from eaid.steps.repeats import counted_once
 from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
 
+MOSTLY_STILL = 0.9  # Part of a log that stands still where it is at rest throughout
 ASKED = {"time-unclear", "time-unit-differs"}  # What is asked before anything else is done
 TOGETHER = 0.02  # Share of the longest log within which outputs are let go at one time
 
@@ -190,7 +191,8 @@ def blank(run: Run, top: float) -> bool:
     if not run.has_input:
         return run.level == 0
     holds = plateaus(run.input)
-    return len(holds) == 1 and abs(holds[0].level) <= AT_REST_BELOW * top
+    still = len(holds) == 1 and holds[0].count >= MOSTLY_STILL * len(run.input)  # a slow sine stands nowhere else
+    return still and abs(holds[0].level) <= AT_REST_BELOW * top
 
 
 def mostly_ramps(steps: Sequence[Run]) -> bool:
@@ -210,9 +212,10 @@ def steps_of(
         raise DataError(*faults, *asked, *more)
     top = max((float(np.abs(run.input).max()) for run in runs if run.has_input), default=0.0)
     blanks = [run for run in runs if how != "recorded" and blank(run, top)]
+    blanks = blanks if len(blanks) < len(runs) else []
     names = tuple(run.name for run in blanks)
     out = (finding("runs-left-out", "data", runs=names, of=len(runs), why="at rest throughout"),) if blanks else ()
-    runs = [run for run in runs if not any(run is one for one in blanks)] or runs
+    runs = [run for run in runs if not any(run is one for one in blanks)]
     uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
     whole = [run for run in runs if not any(run is one for one in uncut)]
     steps, more = cut_runs(whole, options)

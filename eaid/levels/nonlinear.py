@@ -4,7 +4,7 @@ Which of the two stands as the model is the option «estimator»: auto, or joint
 into the τ curves of the joint fit; its intervals count what separates it from the other as one more deviation.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array
-from eaid.estimate.coefficients import map_unknowns, with_intervals
+from eaid.estimate.coefficients import coefficients_of, map_unknowns, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
 from eaid.estimate.own_level import find_levelled_off, levels_scatter
 from eaid.estimate.points import level_residuals
@@ -23,7 +23,16 @@ from eaid.findings import Finding, Value, finding
 from eaid.levels.adequacy import decays
 from eaid.levels.bootstrap import drawn_ends, spread_of
 from eaid.levels.certainty import Estimate
-from eaid.levels.friction import HELD_BY, LevelValues, level_findings, quote_levels, tau2_open, widen
+from eaid.levels.each_level import own_levels
+from eaid.levels.friction import (
+    HELD_BY,
+    LevelValues,
+    level_findings,
+    quote_levels,
+    reach_over_slow_parts,
+    tau2_open,
+    widen,
+)
 from eaid.levels.from_steps import Solution, textbook_covariance
 from eaid.levels.slow_part import slow_part
 from eaid.levels.torque_curve import BEYOND_CHANCE
@@ -35,6 +44,7 @@ from eaid.results import models as results
 from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 
+LAG_OFF = 0.08  # Part of a time constant by which a curve that misses its level's own is warned of
 HOLDING = {"tau2-meets-tau1", "tau2-endless"}  # Constraints that take τ2's freedom, which is T_s's then
 # Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
 Ends = tuple[Array, Array, Array]
@@ -102,6 +112,8 @@ def nonlinear_part(
     turn, u = map_unknowns(model), data.u
     covariance = turn @ estimate.influence.covariance() @ turn.T
     one = Standing(part, estimate.coefficients, estimate.held, covariance, estimate.intervals(u))
+    lags = [name for name in (bent[0].values["parameters"] if bent else ()) if name in CURVES[1:]]  # type: ignore[union-attr]
+    one = count_misfits(one, free, {name: misfit[name] for name in lags})
     parts = joint_findings(papers, one, levels, options.estimator)
     if options.estimator == "joint":
         one, solver = take_joint(papers, joint, estimate), joint.solver
@@ -113,6 +125,9 @@ def nonlinear_part(
     own, scattered = values, []
     if options.estimator != "joint":
         own, scattered = own_values(one, estimate, free, options), level_scatter_findings(estimate, part)
+        if lags and options.ci in ("robust", "none"):
+            own = by_themselves(data, estimate)
+            bent = [tell_worst_lag(bent[0], lags, own, values)]
     values, shown = own if through else values, one.part
     if options.ci != "none":
         curves = [
@@ -164,6 +179,40 @@ def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOption
     low[1], high[1] = widen(low[1], high[1])
     high[2] = np.inf
     return LevelValues(estimate.levels, theta, held, low, high, degrees)
+
+
+def by_themselves(data: Data, estimate: Estimate) -> LevelValues:
+    """T_s, τ1, τ2 of the levels, each by itself, for no quadratic follows their time constants."""
+    each = own_levels(estimate.levels, data, estimate.model.share)
+    ends = reach_over_slow_parts(each, each.intervals)
+    return quote_levels(estimate.levels, each.scatter.theta, each.scatter.held, ends)
+
+
+def count_misfits(one: Standing, free: bool, misfit: Mapping[str, float]) -> Standing:
+    """The same, time constants whose curve misses its levels as much less sure as these lie off beyond chance."""
+    c, scale = coefficients_of(one.part.parameters, free), np.ones(len(one.covariance))
+    low, high, degrees = (part.copy() for part in one.ends)
+    for name, ratio in misfit.items():
+        k, factor = CURVES.index(name), float(np.sqrt(ratio))
+        scale[c.block(name)] = factor
+        middle, half = 0.5 * (low[k] + high[k]), 0.5 * (high[k] - low[k])
+        low[k], high[k] = middle - factor * half, middle + factor * half
+    return replace(one, covariance=one.covariance * np.outer(scale, scale), ends=(low, high, degrees))
+
+
+def tell_worst_lag(bent: Finding, lags: Sequence[str], own: LevelValues, curve: LevelValues) -> Finding:
+    """The finding that polynomials are too low, with the level whose time constant lies farthest off its own."""
+    off, k, i = max(
+        (abs(float(np.log(own.theta[k, i] / curve.theta[k, i]))), k, i)
+        for k, name in enumerate(CURVES)
+        if name in lags
+        for i in range(len(own.levels))
+    )
+    pct = 100 * float(np.expm1(np.log(curve.theta[k, i] / own.theta[k, i])))
+    values = {**bent.values, "worst": own.levels[i].level, "off_pct": pct, "lag": CURVES[k]}
+    return msgspec.structs.replace(
+        bent, severity="caution" if off > np.log1p(LAG_OFF) else bent.severity, values=values
+    )
 
 
 def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[Finding]:

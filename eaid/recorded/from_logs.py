@@ -41,6 +41,7 @@ from eaid.plant.sums import linear_sums
 from eaid.recorded.few_rows import Copies
 from eaid.results.common import Solver
 
+NO_ROW = 1e-6  # Part of a row below which a dead time is none
 ROWS_AT_ONCE = 30_000  # Of a log whose derivatives are worked out: they stay near the processor
 # What a model can have besides its coefficients, with the values that do nothing
 NO_EXTRAS = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,), "dead": (0.0,)}
@@ -160,9 +161,11 @@ class Setup:
         return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
 
     def dead_time(self, x: Array) -> float:
-        """θ [s]."""
+        """θ [s]; none where it is next to no part of a row."""
         at = self.at("dead")
-        return float(x[at]) if at >= 0 else self.dead_time_s
+        if at < 0:
+            return self.dead_time_s
+        return float(x[at]) if x[at] > NO_ROW * self.drives[0].dt_s[0] else 0.0
 
     def derivatives(self, x: Array, log: int, of_unknowns: bool = True, rows: int = ROWS_AT_ONCE) -> Iterator[Array]:
         """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1), some rows at a

@@ -180,7 +180,10 @@ def plant_part(
         known = msgspec.structs.replace(known, Ts_levels=tuple(Ts))
     if uncertainty is None:
         return msgspec.structs.replace(known, tried=tried)
-    constant, rows = ["dead_time_s"] * (solved.setup.at("dead") >= 0), list[tuple[str, float]]()
+    constant, rows = (
+        ["dead_time_s"] * (solved.setup.at("dead") >= 0 and solved.setup.dead_time(solved.x) > 0),
+        list[tuple[str, float]](),
+    )
     if model.kind != "parallel":
         constant = [name for name in known.numbers if name != "dead_time_s" or constant]
         rows += [("Ts", u) for u in (inputs.levels.tolist() if inputs.stepwise else ())]

@@ -6,6 +6,7 @@ import pytest
 import eaid
 from eaid.apparatus import Apparatus
 from eaid.levels.adequacy import decays, lack_of_fit
+from eaid.findings import say
 from eaid.plant.dynamics import Step
 from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level, StepSet
@@ -83,6 +84,14 @@ def test_levels_that_no_polynomial_follows_are_told() -> None:
     found = eaid.fit(made)
     (one,) = [one for one in found.findings if one.code == "polynomials-too-low"]
     assert one.values["parameters"][0] == "tau1" and found.nonlinear.misfit["tau1"] > 5 > found.nonlinear.misfit["Ts"]
+    assert one.severity == "caution" and abs(one.values["off_pct"]) > 20 and "is its own" in say(one)
+    off = []
+    for row, curve in zip(found.friction_levels, found.nonlinear.curves, strict=True):  # each level's own, everywhere
+        true = 0.5 + 0.25 * np.sin(row.level / 12)
+        assert row.tau1 == pytest.approx(true, rel=0.03)
+        assert found.at(row.level).loc["tau1", "value"] == row.tau1
+        off.append(curve.ci95.tau1[0] < true < curve.ci95.tau1[1])
+    assert np.mean(off) >= 0.5  # the curve is as much less sure
 
 
 T_LONG = np.arange(1000) * 0.02

@@ -48,16 +48,21 @@ def test_levels_beyond_it_are_repeats_of_where_it_ends() -> None:
 
 
 def test_its_values_hold_the_truth_where_curves_over_all_levels_miss_it() -> None:
-    """A cubic, and quadratics over inputs that never acted, held τ1 in 1 of 10 levels."""
-    inside = {"auto": [], "cubic": []}
+    """Quadratics over inputs that never acted: τ1 of the plant was 7 to 11 % off at half of the levels."""
+    inside, worst = [], {"auto": 0.0, "cubic": 0.0}
     for seed in range(4):
-        for curve, held in inside.items():
-            for row in fitted(seed, curve=curve).friction_levels:
-                true = REFERENCE_PLANT.at(min(row.level, KNEE))
-                for name in ("Ts", "tau1", "tau2"):
-                    low, high = getattr(row.ci95, name)
-                    held.append(low < getattr(true, name) < high)
-    assert np.mean(inside["auto"]) > 0.88 > 0.7 > np.mean(inside["cubic"])
+        for row in fitted(seed).friction_levels:
+            true = REFERENCE_PLANT.at(min(row.level, KNEE))
+            for name in ("Ts", "tau1", "tau2"):
+                low, high = getattr(row.ci95, name)
+                inside.append(low < getattr(true, name) < high)
+        for curve in worst:
+            off = [
+                float(fitted(seed, curve=curve).plant.at(u).tau1) / REFERENCE_PLANT.at(min(u, KNEE)).tau1 - 1
+                for u in LEVELS.tolist()
+            ]
+            worst[curve] = max(worst[curve], *np.abs(off))
+    assert np.mean(inside) > 0.88 and worst["auto"] < 0.05 < 0.08 < worst["cubic"]
 
 
 def test_a_controller_is_designed_on_the_plant_that_is_there() -> None:

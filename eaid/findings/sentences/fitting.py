@@ -307,9 +307,13 @@ ROWS: dict[str, Row] = {
     "polynomials-too-low": note(
         lambda v: (
             f"the levels lie further from the polynomial of {_joined(v['parameters'])} than their runs scatter: "
-            "between the levels it is less sure than its interval says"
-            + "; «curve» levels takes T_s through each of them"
-            * ("Ts" in v["parameters"])
+            + (
+                f"at {v['worst']:g} {SYMBOLS[v['lag']]} of the curve is {v['off_pct']:+.2g} % off; each level's value "
+                "is its own, controllers and replays run on the curve: fit the levels that you use alone"
+                if v.get("lag")
+                else "between the levels it is less sure than its interval says"
+            )
+            + "; «curve» levels takes T_s through each of them" * ("Ts" in v["parameters"])
         )
     ),
     "levels-scatter": caution(
