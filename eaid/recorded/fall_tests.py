@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from eaid.arrays import Array
+from eaid.estimate.forms import SLOWEST_TAU
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
 from eaid.recorded.from_logs import NO_EXTRAS, Solved, fit_near, fit_through_levels
@@ -60,7 +61,8 @@ def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple
         known = spread(whole)
         judgements = _judge(whole, names, known)
         of_input = "rest" in names and model.tau1.size > 1  # lags that are constant have no lowest input of their own
-        own = ("rest",) if of_input and _makes_surer(by_levels, whole, known) else ()
+        ended = of_input and judgements["rest"].ends
+        own = ("rest",) if ended and _makes_surer(by_levels, whole, known) else ()
         if differing := tuple(name for name in names if judgements[name].differs or name in own):
             if by_levels is base and differing == names:
                 base = whole
@@ -85,6 +87,7 @@ class Judged:
     half: Array
     chance: float
     differs: bool
+    ends: bool  # Whether the records show an end of each
 
 
 def lowest_taus(solved: Solved) -> Array:
@@ -133,8 +136,10 @@ def _judge(solved: Solved, names: tuple[str, ...], uncertainty: Spread) -> dict[
             chance = min(chance, _chance(off[:1], G[:1], uncertainty))
         half = np.array([uncertainty.of(np.eye(solved.setup.size)[at + k]) for k in range(count)])
         scale = against if name == "rest" else 1.0
-        differs = chance < FALL_CHANCE and bool((np.abs(off / scale) > LEAST_DIFFERENCE[name]).any())
-        judgements[name] = Judged(values, half, chance, differs)
+        longest_s = max(float(drive.dt_s.sum()) for drive in solved.setup.drives)
+        ends = name != "rest" or bool((values <= SLOWEST_TAU * longest_s).all())
+        differs = ends and chance < FALL_CHANCE and bool((np.abs(off / scale) > LEAST_DIFFERENCE[name]).any())
+        judgements[name] = Judged(values, half, chance, differs, ends)
     return judgements
 
 

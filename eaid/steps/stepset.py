@@ -235,14 +235,15 @@ class StepSet(Shown):
         return ranked((*merged((*self.findings, *kept)), *told))
 
     def noted_late(self, late_s: float) -> "StepSet":
-        """The set of inputs that were noted so late: no run that left its rest about so early was off its rest, and
-        holds end as much before their noted end, for the output did."""
+        """The set of inputs that were noted so late: no run that left its rest about so early was off its rest, none
+        crept, for its rise began in the idle time, and holds end as much before their noted end, as the output did."""
         if late_s <= 0:
             return self
         kept = [[one for one in run.findings if not as_late(one, late_s, 1 / run.rate_hz)] for run in self.runs]
-        runs = tuple(replace(run, findings=tuple(own)) for run, own in zip(self.runs, kept, strict=True))
+        pairs = zip(self.runs, kept, strict=True)
+        runs = tuple(replace(run, findings=tuple(own), idle_slope=None) for run, own in pairs)
         levels, releases = (tuple(one.ended(late_s) for one in part) for part in (self.levels, self.releases))
-        return replace(self, runs=runs, levels=levels, releases=releases)
+        return replace(self, runs=runs, levels=levels, releases=releases, findings=self._told_of_no_creep)
 
     def without_creep(self, rate: float, t0_s: float) -> "StepSet":
         """The set without a creep of its output beside the response, of so much a second, from so long before a step
@@ -254,8 +255,11 @@ class StepSet(Shown):
 
         levels = tuple(off(one, t0_s) for one in self.levels)
         releases = tuple(off(one, t0_s + ended_s.get(one.level, 0.0)) for one in self.releases)
-        told = tuple(one for one in self.findings if one.code != "output-creeps")
-        return replace(self, levels=levels, releases=releases, findings=told)
+        return replace(self, levels=levels, releases=releases, findings=self._told_of_no_creep)
+
+    @property
+    def _told_of_no_creep(self) -> tuple[Finding, ...]:
+        return tuple(one for one in self.findings if one.code != "output-creeps")
 
     def without(self, why: Sequence[Finding]) -> "StepSet":
         """The set without the levels of some findings and their releases, with these as warnings."""

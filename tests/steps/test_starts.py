@@ -129,6 +129,7 @@ def test_an_input_noted_early_or_late_is_told_and_biases_nothing(rows: int, code
     fit = eaid.fit(logs, model=("friction", "nonlinear"))
     told = {one.code: one.values for one in fit.findings if one.code in ("input-late", "dead-time")}
     assert set(told) == {code} - {""} and fit.verdict.usable and len(fit.friction.levels) == 4
+    assert "output-creeps" not in [one.code for one in fit.findings]  # of a rise that began in the idle time
     for row in fit.friction.levels:
         assert (row.tau1, row.tau2) == pytest.approx((0.3, 4.0), rel=0.02)
     if rows < 0:
