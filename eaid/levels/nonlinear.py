@@ -45,6 +45,7 @@ from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 
 LAG_OFF = 0.08  # Part of a time constant by which a curve that misses its level's own is warned of
+NO_PART = 1e-3  # Of a value, by which the joint fit's may differ and nothing is said
 HOLDING = {"tau2-meets-tau1", "tau2-endless"}  # Constraints that take τ2's freedom, which is T_s's then
 # Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
 Ends = tuple[Array, Array, Array]
@@ -363,7 +364,9 @@ def joint_findings(joint: results.Nonlinear, one: Standing, levels: Sequence[Lev
     for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, levels), believed.theta, strict=False)):
         with np.errstate(divide="ignore", invalid="ignore"):
             out = ~((np.log(a) >= believed.low[k]) & (np.log(a) <= believed.high[k]))
-        ratio = np.where(out, np.abs(np.log(np.maximum(a, 1e-300) / np.maximum(b, 1e-300))), -1.0)
+        ratio = np.abs(np.log(np.maximum(a, 1e-300) / np.maximum(b, 1e-300)))
+        out &= ~(ratio <= NO_PART)  # of records without noise, whose intervals are points
+        ratio = np.where(out, ratio, -1.0)
         if out.any():
             i = int(ratio.argmax())
             low, high = np.exp([believed.low[k, i], believed.high[k, i]]).tolist()

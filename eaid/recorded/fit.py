@@ -191,6 +191,8 @@ def linear_of_logs(
     t = np.linspace(0.0, min(STEP_RECORDS * slowest, longest), STEP_SAMPLES)
     of_model = data_of([Level(u, t, from_rest(p, t, u)[None], (f"{u:g}",)) for u in levels.tolist()])
     rows = single_levels(of_model, [fit_linear(of_model.only([i])) for i in range(len(levels))])
+    no_data = {"rmse": None, "sse": None, "fit_pct": None, "R2": None}  # of the model's own steps
+    rows = tuple(msgspec.structs.replace(row, **no_data) for row in rows)
     return Linear(
         a0=pooled.a0,
         b0=pooled.b0,

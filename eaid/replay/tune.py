@@ -279,7 +279,8 @@ def _notes(task: Task, settled: Design, tuned: Design, rc: Robust | None, replay
     if task.plant is None:
         findings.append(finding("nothing-to-replay-on", "model"))
         return findings
-    if falls := [point.duty_pct for point in task.points if task.plant.slope(point.duty_pct) <= 0 < point.plant.gain]:
+    falls = [point.duty_pct for point in task.points if task.plant.slope(point.duty_pct) <= 0 < point.plant.gain]
+    if task.plant.sloped and falls:
         findings.append(finding("fall-within-interval", "model", falls, unit=unit[0]))
     findings += reference_beyond(task.wanted, plant_numbers(task.plant), task.name, unit[1])
     if replayed.paper_pi is not None:

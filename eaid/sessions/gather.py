@@ -23,6 +23,8 @@ LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to se
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
 MANY = 1e9  # Degrees of freedom of what is known for certain
 NO_INTERVAL = "no level has a T_s with an interval; fit the logs again, with «ci»"
+EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
+IMPOSSIBLE = 10.0  # Deviations by which two values of one session do not differ
 PLAIN_COLUMNS = ("session", "level", "value", "sd_log")
 # What a file name says of drive and stand → how it is called; levels, which change within a session, are no such thing
 NAMED = {"f": "drive frequency", "freq": "drive frequency", "v": "speed", "speed": "speed", "rpm": "speed"}
@@ -156,7 +158,17 @@ def table_values(frame: "pandas.DataFrame") -> list[Value]:
         rule = "level and value have to be above 0 and sd_log 0 or above, as the model is one of logarithms"
         wrong = [(k + 1, ", ".join(map(str, cells.iloc[k]))) for k in np.flatnonzero(~fine)[:5]]
         raise DataError(*(f"row {k} of the table ({row}): {rule}; mend or drop it" for k, row in wrong))
-    return [Value(str(session), *row) for session, row in zip(cells["session"], numbers.tolist(), strict=True)]
+    found = [Value(str(session), *row) for session, row in zip(cells["session"], numbers.tolist(), strict=True)]
+    first = dict[tuple[str, float], Value]()
+    for k, one in enumerate(found, 1):
+        other = first.setdefault((one.session, one.level), one)
+        if abs(np.log(one.value / other.value)) > IMPOSSIBLE * max(one.sd_log, other.sd_log, EXACT):
+            raise DataError(
+                f"row {k} of the table: session {one.session} at {one.level:g} has {one.value:g} and {other.value:g}, "
+                f"each said to be known to {100 * one.sd_log:.2g} %; give the mean of the two, with an sd_log by how "
+                "they scatter"
+            )
+    return found
 
 
 def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[Value], list[Finding]]:

@@ -23,9 +23,8 @@ from scipy.special import stdtr, stdtrit
 
 from eaid.arrays import Array, link
 from eaid.estimate.mixed import Further, MixedLine, MixedValues, fit_restricted
-from eaid.sessions.gather import MANY
+from eaid.sessions.gather import EXACT, MANY
 
-EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
 FARTHEST = 50.0  # Half-width of ln θ beyond which nothing is said
 TOLD = 1.92  # In log L: more than chance gives one parameter in 19 of 20 cases
 NEW = -1  # The session that is still to come

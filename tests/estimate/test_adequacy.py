@@ -5,8 +5,8 @@ import pytest
 
 import eaid
 from eaid.apparatus import Apparatus
-from eaid.levels.adequacy import decays, lack_of_fit
 from eaid.findings import say
+from eaid.levels.adequacy import decays, lack_of_fit
 from eaid.plant.dynamics import Step
 from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level, StepSet

@@ -237,3 +237,11 @@ def test_held_and_peak_are_foreseen_as_measured(slipping):
         assert (foreseen["low"] < min(values.values())).iloc[-1] and (foreseen["high"] > max(values.values())).iloc[-1]
     (also,) = [line for line in rig.lines() if line.startswith("also")]
     assert "held ×/÷" in also and "peak ×/÷" in also
+
+
+def test_values_of_one_session_that_contradict_each_other_are_refused(table):
+    """They ended in a singular matrix of numpy's."""
+    both = pd.concat([table, table.iloc[[3]].assign(value=1.3 * table.value.iloc[3], sd_log=1e-9)])
+    both.loc[both.index[3], "sd_log"] = 1e-9
+    with pytest.raises(eaid.DataError, match="give the mean of the two, with an sd_log by how they scatter"):
+        eaid.sessions(both, reference_level=200.0)
