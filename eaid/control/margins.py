@@ -104,7 +104,8 @@ def may_be_steeper(
     sides, or as the parabola through both and this one, rest among them; and by how far T_s may lie above the curve, by
     the upper one of its `ends` at that level and twice the `scatter` of levels, a part of T_s.
 
-    Where T_s(u) falls, but no level lies below a lower one by more than their `ends`, the gain is that itself.
+    Where T_s(u) falls, but no level lies below a lower one by more than their `ends`, the gain is that itself, and at
+    least what these allow from the level before.
     """
     inputs, found = sorted({0.0, *(point.duty_pct for point in points)}), []
     for point in points:
@@ -125,6 +126,9 @@ def may_be_steeper(
         if gain > 0:
             found.append(point._replace(times=steepest / gain))
         else:
+            before = [(v, each[0]) for v in inputs if v < u and (each := ends.get(v)) is not None]
+            if own is not None and before:
+                steepest = max(steepest, (own[1] - before[-1][1]) / (u - before[-1][0]))
             found.append(point._replace(plant=replace(point.plant, gain=steepest)))
     return found
 

@@ -286,3 +286,15 @@ def test_a_rig_and_its_mirror_have_one_margin(fit_of, unit):
         )
         least.append(min(gains.values()))
     assert least[0] == pytest.approx(least[1], rel=1e-9)
+
+
+def test_a_flat_top_has_the_slope_that_its_intervals_allow():
+    """A clutch that saturates: a level 1 % below the one before, each known to 2.6 %, let no controller be designed."""
+    through = ((70.0, 3.1), (80.0, 3.35), (90.0, 3.47), (100.0, 3.44))
+    plant = Plant((0.4,), (6.0,), (0.0, 0.04), (70.0, 100.0), Ts_through=through)
+    points = operating_points(plant, PAPER_LINEAR, (), [u for u, _ in through], (0.0, 100.0))
+    ends = {u: (Ts * 0.974, Ts * 1.026) for u, Ts in through}
+    top = may_be_steeper(points, plant, ends, 0.0)[-1]
+    assert points[-1].plant.gain < 0 and top.plant.gain == pytest.approx((3.44 * 1.026 - 3.47 * 0.974) / 10)
+    ends[100.0] = (3.0, 3.1)  # that falls for certain
+    assert may_be_steeper(points, plant, ends, 0.0)[-1].plant.gain < 0
