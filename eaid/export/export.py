@@ -74,6 +74,7 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
     if why := gains.not_usable or (source.fit.verdict.of("linear").sentence if source.fit is not None else ""):
         yield finding("export-not-usable", "gains", why=why)
     yield from stops(gains.findings)
+    yield from (one for one in gains.findings if one.code == "for-this-mounting")  # which the code does not know
     if "rc" in laws and (rc := gains.rc) is not None:
         rho, phi = Condition("rho", rc.guaranteed), Condition("phi", rc.phi_holds)  # all that some files say of it
         told = gains.guarantee

@@ -48,6 +48,7 @@ from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 from eaid.results.plant import falls_between
 
+LATER = 0.1  # Part of the dead time by which loops that are designed for a later one say so
 PLANTS = 100  # Plants of the next session by which φ is judged
 
 
@@ -187,6 +188,9 @@ def tune(
     findings += _notes(task, settled, tuned, rc, replayed)
     if not fit.of_sessions:
         findings.append(finding("for-this-mounting", "model"))
+    if fit.latest_dead_time_s > (1 + LATER) * fit.dead_time_s > 0:
+        latest_s = fit.latest_dead_time_s
+        findings.append(finding("designed-for-latest", "model", dead_time_s=fit.dead_time_s, latest_s=latest_s))
     findings += unknown_to_plant(fit)
     if task.plant is not None and not falls_seen(fit):
         both = {name: law for name, law in laws.items() if name in ("rc", "pi")}

@@ -127,6 +127,10 @@ ROWS: dict[str, Row] = {
     "controller-refused": note("{subject}: {why}"),
     "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
     "nothing-to-replay-on": note("the fit holds no nonlinear model, so no error is replayed"),
+    "designed-for-latest": note(
+        "margins, and the delay of Smith's predictor, are those of a dead time of {latest_s:.3g} s, the upper end of "
+        "the interval of {dead_time_s:.3g} s: the rig may be as late"
+    ),
     # Replays
     "replay-not-usable": caution("{subject} of a fit that is NOT USABLE ({why}): the replay is marked"),
     "reference-above-plant": caution(
