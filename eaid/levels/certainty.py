@@ -35,7 +35,7 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.forms import Points
 from eaid.plant.steps import step_slopes
-from eaid.shapes.shape import WHITE, independent_samples
+from eaid.shapes.shape import is_coloured
 from eaid.steps.stepset import Level
 
 # Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it
@@ -257,7 +257,7 @@ class Estimate:
         if self.by_levels or (self.scatter.repeats > 1).any():
             return False
         curves = [one.mean - J[:, 0] for one, J in zip(self.levels, self.scatter.jacobians, strict=True)]
-        coloured = any(independent_samples(left) < WHITE * len(left) for left in curves)
+        coloured = any(map(is_coloured, curves))
         record = np.array([level.time_s[-1] for level in self.levels])
         return coloured and 2 * int((high > np.log(SHOWN_PART * record)).sum()) > len(self.levels)
 

@@ -23,6 +23,7 @@ from eaid.levels.from_steps import fit_levels_first
 from eaid.plant.dynamics import Step
 from eaid.plant.steps import step_slopes
 from eaid.results.models import ShareEstimate
+from eaid.shapes.shape import is_coloured
 from eaid.steps.stepset import Creep, Level, StepSet
 
 SHARE_CHANCE = 1e-3  # That noise alone rejects the C that was held, or makes a creep
@@ -72,8 +73,11 @@ def find_share_and_creep(stepset: StepSet, share: ShareEstimate, held: float) ->
         if _creeps(rate, levels, idle) and not (single and _cost_of_share(levels, held) <= cost):
             told = free and share_is_told(C.value - C.half, C.value + C.half)
             return told, Creep(rate.value, rate.error, rate.half, t0)
-    few = single and len(levels) < FEWEST_SINGLES  # the noise within them bends them as another C does
-    return bool(not few and share.matters and share.ci95 is not None and share_is_told(*share.ci95)), None
+    told = bool(share.matters and share.ci95 is not None and share_is_told(*share.ci95))
+    if told and single and len(levels) < FEWEST_SINGLES:  # noise that lasts bends them as another C does
+        data = data_of(levels)
+        told = not any(map(is_coloured, fit_levels_first(data, None).residuals(data)))
+    return told, None
 
 
 def share_is_told(low: float, high: float) -> bool:

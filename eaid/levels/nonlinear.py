@@ -45,6 +45,7 @@ from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 
 LAG_OFF = 0.08  # Part of a time constant by which a curve that misses its level's own is warned of
+ROUNDED = 1e-12  # Of ln T_s, by which a level's own value is that of the curve
 NO_PART = 1e-3  # Of a value, by which the joint fit's may differ and nothing is said
 HOLDING = {"tau2-meets-tau1", "tau2-endless"}  # Constraints that take τ2's freedom, which is T_s's then
 # Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
@@ -161,7 +162,7 @@ def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOption
     theta, (low, high, degrees) = _curves(one.part.parameters, estimate.levels), (part.copy() for part in one.ends)
     held, (value, half, known) = _all_held(one, theta, estimate.levels, free), estimate.own_Ts
     curve = np.log(np.maximum(theta[0], 1e-300))
-    theta[0] = np.exp(value)
+    theta[0] = np.where(np.abs(value - curve) < ROUNDED, theta[0], np.exp(value))
     if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
         low[0], high[0] = low[0] + value - curve, high[0] + value - curve
         return quote_levels(estimate.levels, theta, held, (low, high, degrees))

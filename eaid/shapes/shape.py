@@ -226,6 +226,11 @@ def independent_samples(left: Array, rounding: float = 0.0, fewest: float = 12.0
     return max(count / max(1.0, (1 + alike) / (1 - alike), spread), fewest)
 
 
+def is_coloured(left: Array) -> bool:
+    """Whether the noise of residuals lasts: much of what neighbouring samples say is the same."""
+    return independent_samples(left) < WHITE * len(left)
+
+
 def _choose(tried: list[_Candidate], scores: dict[str, float]) -> _Candidate:
     """The paper's form; one exponential where a second adds nothing; else what is better and worth it."""
     named = {one.name: one for one in tried}
