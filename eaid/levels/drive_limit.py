@@ -19,7 +19,7 @@ from eaid.steps.stepset import Level, StepSet
 
 def flat_levels(result: Fit) -> Finding | None:
     """What a fit tells of levels of one output that its T_s(u) goes through; None where it does not."""
-    return next((one for one in result.findings if one.code == "output-levels-off" and one.values["how"]), None)
+    return next((one for one in result.findings if one.code == "output-levels-off" and one.values.get("how")), None)
 
 
 def join_beyond(levels: Sequence[Level], knee: float) -> tuple[Level, ...] | None:

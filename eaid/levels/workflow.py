@@ -154,6 +154,8 @@ def _fit_within_limit(
 ) -> tuple[StepSet, StepSet, Fit]:  # fmt: skip
     """The set as recorded, the same behind its dead time and its fit: of a drive that ends where levels are `flat`,
     where that explains them as well."""
+    if options.hold_out or options.bounds_levels:  # which may name levels beyond it
+        return recorded, behind, result
     told = msgspec.structs.replace(flat, values={**flat.values, "how": "limit"})
     limited = [limit_at(one, told) for one in (recorded, behind)]
     if limited[0] is None or limited[1] is None:

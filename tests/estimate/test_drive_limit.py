@@ -78,3 +78,10 @@ def test_samples_at_other_times_are_not_joined() -> None:
     assert join_beyond(levels, 200.0) == levels
     slower = replace(levels[-1], time_s=1.5 * levels[-1].time_s)
     assert join_beyond((*levels[:-1], slower), KNEE) is None
+
+
+def test_levels_that_are_named_stay_levels() -> None:
+    """Of a level beyond the knee that is held out, or has bounds: the curve goes through the others."""
+    fit = eaid.fit(clipped(0), model=("nonlinear", "linear"), hold_out=(80.0,), bounds_levels="30:100")
+    assert fit.plant.u_range == (10.0, 100.0) and fit.plant.Ts_through and 100.0 in fit.linear.bounds.levels
+    assert [row.level for row in fit.nonlinear.hold_out.levels] == [80.0]
