@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from eaid.arrays import best_gain
 from eaid.estimate.own_level import AS_LIMITED
 from eaid.findings import Finding
 from eaid.plant.dynamics import Plant
@@ -55,6 +56,6 @@ def _shape_squares(plant: Plant, levels: Sequence[Level]) -> float:
     left = 0.0
     for one in levels:
         f, y = from_rest(plant, one.time_s, one.level), one.mean
-        r = y - f * float(f @ y) / max(float(f @ f), 1e-300)
+        r = y - f * best_gain(f, y)
         left += float(r @ r) / max(float(y @ y), 1e-300)
     return left

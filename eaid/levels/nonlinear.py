@@ -110,11 +110,11 @@ def nonlinear_part(
     part = of_steps(p, free, data, level_residuals(_curves(p, levels), data.records), solver, held_out)
     papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
     misfit, bent = misfits(estimate, through)
+    lags = [name for name in bent if name != "Ts"]
     part = msgspec.structs.replace(part, misfit=misfit or None)
     turn, u = map_unknowns(model), data.u
     covariance = turn @ estimate.influence.covariance() @ turn.T
     one = Standing(part, estimate.coefficients, estimate.held, covariance, estimate.intervals(u))
-    lags = [name for name in (bent[0].values["parameters"] if bent else ()) if name in CURVES[1:]]  # type: ignore[union-attr]
     one = count_misfits(one, free, {name: misfit[name] for name in lags})
     parts = joint_findings(papers, one, levels, options.estimator)
     if options.estimator == "joint":
@@ -124,12 +124,12 @@ def nonlinear_part(
     if options.ci == "white":
         one = by_textbook(one, estimate)
     values = values_of(one, levels, free)
-    own, scattered = values, []
+    own, scattered, told = values, list[Finding](), bent_findings(bent)
     if options.estimator != "joint":
         own, scattered = own_values(one, estimate, free, options), level_scatter_findings(estimate, part)
         if lags and options.ci in ("robust", "none"):
             own = by_themselves(data, estimate)
-            bent = [tell_worst_lag(bent[0], lags, own, values)]
+            told = bent_findings(bent, lags, own, values)
     values, shown = own if through else values, one.part
     if options.ci != "none":
         curves = [
@@ -138,7 +138,6 @@ def nonlinear_part(
         ]
         by_name = dict(zip(CURVES, one.ends[2], strict=True))
         shown = with_intervals(one.part, curves, one.covariance, by_name, _held(one))
-    told = []
     if not solver.converged:
         told.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
     for code, at in one.held.items():
@@ -148,7 +147,11 @@ def nonlinear_part(
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     told += missed("nonlinear", data, level_residuals(_curves(one.part.parameters, levels), data.records), one.part)
     seen = estimate.scatter if options.estimator != "joint" else None
-    told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *bent, *scattered]
+    told += [
+        *level_findings(own, seen, "nonlinear", stepset),
+        *open_findings(one.part, own),
+        *scattered,
+    ]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
     scatter = estimate.level_scatter if options.estimator != "joint" else None
     unseen, worse = leave_levels_out(estimate, options) if options.estimator != "joint" else (None, [])
@@ -202,19 +205,21 @@ def count_misfits(one: Standing, free: bool, misfit: Mapping[str, float]) -> Sta
     return replace(one, covariance=one.covariance * np.outer(scale, scale), ends=(low, high, degrees))
 
 
-def tell_worst_lag(bent: Finding, lags: Sequence[str], own: LevelValues, curve: LevelValues) -> Finding:
-    """The finding that polynomials are too low, with the level whose time constant lies farthest off its own."""
-    off, k, i = max(
-        (abs(float(np.log(own.theta[k, i] / curve.theta[k, i]))), k, i)
-        for k, name in enumerate(CURVES)
-        if name in lags
-        for i in range(len(own.levels))
-    )
-    pct = 100 * float(np.expm1(np.log(curve.theta[k, i] / own.theta[k, i])))
-    values = {**bent.values, "worst": own.levels[i].level, "off_pct": pct, "lag": CURVES[k]}
-    return msgspec.structs.replace(
-        bent, severity="caution" if off > np.log1p(LAG_OFF) else bent.severity, values=values
-    )
+def bent_findings(
+    bent: Sequence[str], lags: Sequence[str] = (), own: LevelValues | None = None, curve: LevelValues | None = None
+) -> list[Finding]:
+    """That polynomials are too low, and the level whose time constant they have farthest off its `own`."""
+    if not bent:
+        return []
+    told = finding("polynomials-too-low", "nonlinear", (), parameters=tuple(bent))
+    if own is None or curve is None:
+        return [told]
+    off = np.log(curve.theta[:3] / own.theta[:3])
+    k, i = max(((CURVES.index(name), i) for name in lags for i in range(len(own.levels))), key=lambda at: abs(off[at]))
+    worst = {"worst": own.levels[i].level, "off_pct": 100 * float(np.expm1(off[k, i])), "lag": CURVES[k]}
+    far = abs(off[k, i]) > np.log1p(LAG_OFF)
+    both = {**told.values, **worst}
+    return [msgspec.structs.replace(told, severity="caution" if far else told.severity, values=both)]
 
 
 def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[Finding]:
@@ -315,9 +320,9 @@ def take_draws(one: Standing, estimate: Estimate, u: Array, draws: Array) -> Sta
     return replace(one, covariance=covariance, ends=drawn_ends(estimate.numbers(u, one.unknowns)[0], near, one.ends[2]))
 
 
-def misfits(estimate: Estimate, through: bool) -> tuple[dict[str, float], list[Finding]]:
-    """χ² of the levels about each polynomial over its degrees of freedom, and where that is beyond chance; T_s may go
-    `through` the levels."""
+def misfits(estimate: Estimate, through: bool) -> tuple[dict[str, float], list[str]]:
+    """χ² of the levels about each polynomial over its degrees of freedom, and those where that is beyond chance; T_s
+    may go `through` the levels."""
     seen = estimate.scatter
     found = {} if estimate.curve.misfit is None else {"Ts": estimate.curve.misfit}
     beyond = ["Ts"] if estimate.curve.widened > 1 and not through else []
@@ -332,7 +337,7 @@ def misfits(estimate: Estimate, through: bool) -> tuple[dict[str, float], list[F
             found[name] = float(off.sum()) / spare
             if found[name] > fdtri(spare, max(seen.degrees / 2, 1.0), BEYOND_CHANCE):
                 beyond.append(name)
-    return found, [finding("polynomials-too-low", "nonlinear", (), parameters=tuple(beyond))] if beyond else []
+    return found, beyond
 
 
 def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]:

@@ -11,7 +11,7 @@ freedom, v the variance of a level's mean gain by its runs, h its own say in the
 import numpy as np
 from scipy.special import fdtri
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, best_gain, median
 from eaid.estimate.data import quality
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import Estimate
@@ -49,7 +49,7 @@ def leave_levels_out(estimate: Estimate, options: FitOptions) -> tuple[LevelsLef
         off.append(float(plant.steady(one.level)) / own - 1 if own > 0 else 0.0)
         for row, p in enumerate((known, plant)):
             curve = from_rest(p, one.time_s, one.level)
-            gain = float(curve @ one.mean) / max(float(curve @ curve), 1e-300)
+            gain = best_gain(curve, one.mean)
             left[row] += [float(np.sum((one.mean - size * curve) ** 2)) for size in (1.0, gain)]
     outputs, worst = [levels[k].mean for k in of], int(np.argmax(np.abs(off)))
     (seen, of_shape), (missed, shape_missed) = (

@@ -48,12 +48,8 @@ from eaid.steps.stepset import Level, StepSet
 
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
-WRONG_FORM = (
-    "taus-meet",
-    "output-decays-under-hold",
-    "repeats-miss-alike",
-    "polynomials-too-low",
-)  # Findings that no creep leaves behind it
+# Findings that no creep leaves behind it
+WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike", "polynomials-too-low")
 NO_STEP = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
 SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
 LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from eaid.arrays import white_squares
+from eaid.arrays import best_gain, white_squares
 from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, add_rest, logs_of_steps
@@ -106,7 +106,7 @@ def explained_pct(fit: Fit, logs: Sequence[RecordedLog], own_gains: bool) -> flo
     for log in logs:
         known = np.isfinite(log.output)
         y, f = log.output[known], from_rest(part.plant, log.time_s[known] + late_s, float(log.input[-1]))
-        r = y - f * (float(f @ y) / max(float(f @ f), 1e-300) if own_gains else 1.0)
+        r = y - f * (best_gain(f, y) if own_gains else 1.0)
         left, total = left + log.weight * float(r @ r), total + log.weight * float(((y - y.mean()) ** 2).sum())
     return 100 * (1 - float(np.sqrt(left / total))) if total > 0 else 0.0
 

@@ -88,7 +88,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog, creep: tuple[float, float
         idle=idle_found(solved, k) + (log.baseline or 0.0),
         start=start_states(solved, k),
         creep=creep,
-        counted_from_s=float(time_s[0] - log.time_s[0]),
+        counted_from_s=float(time_s[0] - log.time_s[np.isfinite(log.output)][0]),
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
@@ -288,6 +288,15 @@ class Experiment:
         every = (*self.logs, *self.others)
         return any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
 
+    @property
+    def steps_left_out(self) -> list[Finding]:
+        """Said where steps stand beside logs of both signs, which are fitted alone."""
+        names = tuple(name for level in (self.steps.levels if self.steps else ()) for name in level.names)
+        if not names or self.others:
+            return []
+        why = "a plant of both signs of the input is fitted to logs of both alone"
+        return [finding("runs-left-out", "data", runs=names, of=len(names) + len(self.logs), why=why)]
+
 
 def experiment_of(
     logs: Sequence[RecordedLog], options: FitOptions, runs: Sequence[RecordedLog | Run], steps: StepSet | None = None,
@@ -313,7 +322,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     """The whole fit with a plant that was chosen."""
     logs, others, options, inputs = experiment.logs, experiment.others, experiment.options, experiment.inputs
     base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
-    findings = [*input_findings(logs, inputs.levels), *find_parted_logs(logs)]
+    findings = [*input_findings(logs, inputs.levels), *find_parted_logs(logs), *experiment.steps_left_out]
     inputs = move_range(inputs, base.setup.model.low, base.setup.model.high)
     if not experiment.rests:  # another kind's T_s goes through rest, and tells the idle output so
         code = "idle-not-seen" if base.setup.model.kind == "parallel" else "rest-not-seen"
@@ -389,7 +398,8 @@ def take_levels(chosen: Chosen, own: LevelsOwn) -> Chosen:
     if told[0].code == "output-levels-off":  # which says why they scatter
         told = [one for one in told if one.code != "levels-scatter"]
     told = [one if one.code != "levels-scatter" else msgspec.structs.replace(one, severity="note") for one in told]
-    return replace(chosen, solved=fit_through_levels(chosen.solved, own.u), findings=[*chosen.findings, *told])
+    solved = own.through or fit_through_levels(chosen.solved, own.u)
+    return replace(chosen, solved=solved, findings=[*chosen.findings, *told])
 
 
 def find_parted_logs(logs: Sequence[RecordedLog]) -> list[Finding]:

@@ -120,7 +120,9 @@ def _bridge_unseen(x: Array, fitted: Setup, kept: Sequence[RecordedLog]) -> None
     if not isinstance(form := fitted.model.Ts, PerLevel):
         return
     held = np.concatenate([log.input[np.isfinite(log.output)] for log in kept])
-    seen = form.rows(held).any(axis=0)
+    seen = form.rows(held[held > 0]).any(axis=0)  # a rest tells no level
+    if not seen.any():
+        return
     through = pieces_through(tuple(zip(form.inputs[seen].tolist(), x[: form.size][seen].tolist(), strict=True)))
     x[: form.size][~seen] = piecewise(through, form.inputs[~seen], (fitted.model.low, fitted.model.high))
 

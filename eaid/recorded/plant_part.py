@@ -48,6 +48,7 @@ class LevelsOwn:
     half: Array
     scatter: float  # σ_d: how far levels lie off the curve, a part of T_s
     told: list[Finding]
+    through: Solved | None  # The fit with T_s of each level, of logs
     by_form: bool  # Whether they are of one rig, and lie off the curve since they follow no such one
 
     @property
@@ -78,7 +79,8 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
     size = np.maximum(size, LEAST_SIZE * float(size.max()))
     if not (size > 0).all():
         return None
-    by_themselves = _by_runs(solved, known, levels, size) if levels else _by_logs(solved, u)
+    through = None if levels else fit_through_levels(solved, u)
+    by_themselves = _by_runs(solved, known, levels, size) if through is None else _by_logs(through, u)
     if by_themselves is None or (by_themselves[0] <= 0).any():
         return None
     Ts, covariance, degrees, gains = by_themselves
@@ -90,7 +92,7 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
     flat = find_levelled_off(u, np.log(Ts), curve, error, "levels" if levels else "duty")
     by_curve = bool(flat) or not levels
     told = [*flat, *levels_scatter(line, u, own, curve, by_curve)]
-    found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told, by_curve and bool(told))
+    found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told, through, by_curve and bool(told))
     if still := [level for level, (_, high) in zip(u.tolist(), found.ends, strict=True) if high <= AT_REST * Ts.max()]:
         told.append(msgspec.structs.replace(finding("output-stays-at-rest", "nonlinear", still), severity="caution"))
     return found
@@ -116,10 +118,9 @@ def _by_runs(solved: Solved, known: Spread, levels: Sequence[Level], size: Array
     return np.array(own) * size, covariance, float(gains.degrees.sum()), gains
 
 
-def _by_logs(solved: Solved, u: Array) -> ByThemselves | None:
+def _by_logs(found: Solved, u: Array) -> ByThemselves | None:
     """Of any log whose input is held: T_s of each level as an unknown, in place of the curve's coefficients."""
-    found = fit_through_levels(solved, u)
-    if not found.solver.converged:
+    if not found.solver.converged or not found.x[: len(u)].max() > 0:
         return None
     of, Ts = spread(found), np.maximum(found.x[: len(u)], NOTHING * found.x[: len(u)].max())
     degrees = min(of.variance(row)[1] for row in np.eye(len(u), len(found.x)))
@@ -180,10 +181,8 @@ def plant_part(
         known = msgspec.structs.replace(known, Ts_levels=tuple(Ts))
     if uncertainty is None:
         return msgspec.structs.replace(known, tried=tried)
-    constant, rows = (
-        ["dead_time_s"] * (solved.setup.at("dead") >= 0 and solved.setup.dead_time(solved.x) > 0),
-        list[tuple[str, float]](),
-    )
+    late = solved.setup.at("dead") >= 0 and solved.setup.dead_time(solved.x) > 0
+    constant, rows = ["dead_time_s"] * late, list[tuple[str, float]]()
     if model.kind != "parallel":
         constant = [name for name in known.numbers if name != "dead_time_s" or constant]
         rows += [("Ts", u) for u in (inputs.levels.tolist() if inputs.stepwise else ())]
