@@ -1,5 +1,6 @@
 """Logs → steps → fit, and what to record next."""
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -139,7 +140,7 @@ def fit(
     _ask(steps)
     from eaid.levels.asks import asks_for_another_kind
     from eaid.levels.workflow import fit_steps
-    from eaid.replay.compare import of_own_logs
+    from eaid.replay.compare import of_own_logs, residuals_of_logs
     from eaid.results.common import Samples
     from eaid.results.parameters import parameters_of
     from eaid.results.responses import responses_of
@@ -150,7 +151,8 @@ def fit(
 
         with progress("fitting the recorded log", 0):
             fitted = fit_whole(steps, how)
-        return msgspec.structs.replace(fitted, parameters=parameters_of(fitted))
+        samples = Samples(steps, partial(residuals_of_logs, runs=steps.recorded))
+        return msgspec.structs.replace(fitted, parameters=parameters_of(fitted), samples=samples)
     if how.duty is not None:
         raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
     refits = how.draws if how.ci == "bootstrap" else 0

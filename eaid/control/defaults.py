@@ -32,6 +32,7 @@ from eaid.control.kinds import Law, rc_law
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, holds
 from eaid.control.pi import PIGains, pi_gains
 from eaid.errors import DataError, GainsError, UsageError
+from eaid.findings import Finding, finding
 from eaid.options import TuneOptions
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import PAPER_LINEAR, LinearPlant
@@ -70,9 +71,17 @@ def scales_of(fit: Fit, plant: Plant | None = None) -> Scales:
     return Scales(False, pace, top / PAPER_TOP)
 
 
+MOST_DUTY = 101.0  # That a duty of 100 % is read back as, at most
+
+
 def is_duty(fit: Fit) -> bool:
     """Whether the input is a duty cycle in %; levels of up to 1 are rather shares that nobody called so."""
-    return fit.data.input_unit == "%" and 1.0 < max(fit.data.levels, default=100.0) <= 100.0
+    return fit.data.input_unit == "%" and 1.0 < max(fit.data.levels, default=100.0) <= MOST_DUTY
+
+
+def of_this_mounting(fit: Fit, what: str) -> list[Finding]:
+    """Said wherever the fit of a single session is used: `what` holds for its mounting."""
+    return [] if fit.of_sessions else [finding("for-this-mounting", "model", what=what)]
 
 
 def input_limits(fit: Fit) -> tuple[float, float]:

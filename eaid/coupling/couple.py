@@ -28,7 +28,7 @@ from scipy.optimize import brentq
 
 from eaid.arrays import Array
 from eaid.control import margins
-from eaid.control.defaults import control_rate
+from eaid.control.defaults import control_rate, of_this_mounting
 from eaid.control.gains import law_of, plant_of, refuse_other_units
 from eaid.control.kinds import Law
 from eaid.control.law import LinearLaw
@@ -283,7 +283,7 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     used = replace(options, rate_hz=rate_hz, delay_samples=delay)
     return parts.Coupling(
         options=used, output_unit=unit, walls=tuple(walls), impedance=impedance,
-        findings=ranked(_findings(walls, options, impedance, unit)),
+        findings=ranked([*_findings(walls, options, impedance, unit), *of_this_mounting(fit, "walls")]),
     )  # fmt: skip
 
 

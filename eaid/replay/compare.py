@@ -29,6 +29,7 @@ from eaid.results.common import LogReplayed
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogFit
 from eaid.results.replay import Metrics, Record
+from eaid.shown import pandas
 
 START_ROWS = 20_000  # Most rows from which the start of a loaded run is estimated
 LEAST_ROWS = 10
@@ -108,11 +109,30 @@ def without_creep(run: Run, fit: Fit) -> Run:
 def of_own_logs(fit: Fit, logs: Sequence[Run]) -> tuple[LogReplayed, ...]:
     """The logs behind a fit of steps through its plant, where their input was recorded and is held."""
     rest, found = float(fit.options.reading.get("rest") or 0.0), []
+    fitted = {one.sha256 for one in fit.data.sources if one.edge != "falling"}
     for run in logs if fit.plant_ is not None else ():
+        if run.sha256 not in fitted:  # it was left out
+            continue
         if np.isfinite(run.input).all() and run.edge == "rising" and recorded_log(run, rest).stepwise:
             metrics = compared(run, fit, fit.plant).metrics
             found.append(LogReplayed(run.name, run.source, metrics.fit_pct, metrics.rms_difference_nm))
     return tuple(found)
+
+
+def residuals_of_logs(fit: Fit, runs: Sequence[Run]) -> "pandas.DataFrame":
+    """The recorded outputs of logs behind a fit, without a creep that was taken off, and the plant's, from where they
+    are compared; indexed by (log, time_s)."""
+    parts = {}
+    for run in runs:
+        record = compared(run, fit, fit.plant)
+        metrics, time_s = record.metrics, record.columns["time_s"]
+        counted = time_s >= (metrics.counted_from_s or 0.0) - 1e-9 * time_s[-1]
+        both = {
+            name: record.columns[column][counted] + (metrics.idle_nm or 0.0)
+            for name, column in (("recorded", "reference_nm"), ("fitted", "torque_nm"))
+        }
+        parts[run.name] = pandas.DataFrame(both, index=time_s[counted])
+    return pandas.concat(parts, names=["log", "time_s"])
 
 
 def apart(torque: Array, model: Array, idle: float, start: float) -> Metrics:

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from eaid.control.defaults import control_rate, input_limits, scales_of
+from eaid.control.defaults import control_rate, input_limits, of_this_mounting, scales_of
 from eaid.control.gains import plant_of, refuse_other_units
 from eaid.declared import part
 from eaid.errors import DataError, UsageError
@@ -65,7 +65,7 @@ def simulate(
     reasons = {"plant": fit.verdict.of(*PLANT_MODELS).sentence, "gains": None if gains is None else gains.not_usable}
     not_usable = {name: why for name, why in reasons.items() if why}
     findings += [finding("replay-not-usable", name, why=why) for name, why in not_usable.items()]
-    findings += unknown_to_plant(fit)
+    findings += [*unknown_to_plant(fit), *(of_this_mounting(fit, "errors") if runs is None else ())]
     if model.excess and runs is None:  # a controller's input moves all the time, and falls to no level
         findings.append(finding("replay-no-hysteresis", "nonlinear", excess_pct=100 * model.excess))
     plant, dt_s = plant_numbers(model), 1.0 / rate_hz

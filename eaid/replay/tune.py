@@ -13,6 +13,7 @@ from eaid.control.defaults import (
     beyond_rc,
     design_options,
     input_limits,
+    of_this_mounting,
     pi_of,
     quickest,
     quickest_pi,
@@ -186,8 +187,7 @@ def tune(
         verdict, rc, more = judged_rc(task, settled, rc, pi, replayed)
         findings += more
     findings += _notes(task, settled, tuned, rc, replayed)
-    if not fit.of_sessions:
-        findings.append(finding("for-this-mounting", "model"))
+    findings += of_this_mounting(fit, "gains, guarantee and margins")
     if fit.latest_dead_time_s > (1 + LATER) * fit.dead_time_s > 0:
         latest_s = fit.latest_dead_time_s
         findings.append(finding("designed-for-latest", "model", dead_time_s=fit.dead_time_s, latest_s=latest_s))

@@ -10,6 +10,11 @@ from eaid.files import sha256_of
 from eaid.findings import Finding, merged, ranked, sentences
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import pandas
+
+    from eaid.results.fit import Fit
     from eaid.steps.stepset import StepSet
 
 Number = Annotated[float, msgspec.Meta(ge=-1e60, le=1e60)]
@@ -31,12 +36,15 @@ def ci95_of(item: Any, name: str) -> Interval:
 
 
 class Samples:
-    """The steps behind a fit, while it is in memory: no file holds them, and no comparison of fits asks for them."""
+    """What is behind a fit, while it is in memory: no file holds it, and no comparison of fits asks for it."""
 
-    __slots__ = ("steps",)
+    __slots__ = ("of_logs", "steps")
 
-    def __init__(self, steps: "StepSet | None" = None) -> None:
+    def __init__(
+        self, steps: "StepSet | None" = None, of_logs: "Callable[[Fit], pandas.DataFrame] | None" = None
+    ) -> None:
         self.steps = steps
+        self.of_logs = of_logs  # What logs that were fitted as recorded hold, and the plant makes of their inputs
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Samples)

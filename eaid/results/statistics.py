@@ -120,11 +120,13 @@ def log_likelihood(fit: "Fit") -> float:
 
 
 def residuals(fit: "Fit", steps: "StepSet | None" = None) -> "pandas.DataFrame":
-    """Recorded and fitted output of the mean of each level's repeats, indexed by (level, time_s); `steps`: those of a
-    fit that was read from a file."""
+    """Recorded and fitted output of the mean of each level's repeats, indexed by (level, time_s), or of logs fitted as
+    recorded, by (log, time_s); `steps`: those of a fit that was read from a file."""
+    if fit.samples.of_logs is not None:
+        return fit.samples.of_logs(fit)
     steps = fit.samples.steps or steps
     if steps is None:
-        raise DataError("this fit was read from a file, or is of logs as recorded, and holds no samples; fit again")
+        raise DataError("this fit was read from a file and holds no samples; fit again")
     parts = {}
     for one in steps.levels:
         both = {"recorded": one.mean, "fitted": fit.curve(first_model(fit), one.level, one.time_s)}

@@ -30,6 +30,7 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.steps import decay
 from eaid.results.common import Interval
+from eaid.results.models import StepShape
 from eaid.shapes.curves import AveragedRecord, average_record, delays_tried, slopes, starts_of, step_curve
 from eaid.shapes.shape import FREE, SHAPES_SETTLED, WHITE, fit_step, independent_samples, solve_least
 from eaid.steps.step import moving_means, usual_step
@@ -46,6 +47,8 @@ RISE_PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its s
 FEWEST_ROWS, RISE_TAUS = 6, 30
 START_NOISE = 0.02  # Of the held output: noise that is larger is averaged before a rise's rows are looked for
 LATE_EVIDENCE = 30.0  # Twice the logarithm of the likelihood that noise alone hardly makes of a dead time
+# Levels whose dead times tell a ramp, by what factor these differ, and squares about it over those about their mean
+FEWEST_RAMPS, RAMPS_APART, RAMP_PART = 3, 1.5, 0.2
 CURVES_TRIED, EARLIEST = 9, 0.5  # Dead times tried, from so much before the step, as a part of the latest
 
 
@@ -72,10 +75,7 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
     steps = steps[:: 1 + (len(steps) - 1) // LEVELS_ASKED] if steps else []
     share = options.held_share or SHARE
     late = [step for step in steps if starts_late(step, share)]
-    if (
-        2 * len(late) > len(steps)
-        and (by_shapes := find_by_shapes(late, stepset.levels, options, len(steps))) is not None
-    ):
+    if 2 * len(late) > len(steps) and (by_shapes := find_by_shapes(late, stepset, options, len(steps))) is not None:
         return by_shapes
     found = find_by_rises(stepset)
     theta_s = found.dead_time_s
@@ -89,15 +89,30 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
     return found if not steps or 2 * better > len(steps) else Begin()
 
 
-def find_by_shapes(late: Sequence[LevelStep], levels: Sequence[Level], options: FitOptions, asked: int) -> Begin | None:
+def find_by_shapes(late: Sequence[LevelStep], stepset: StepSet, options: FitOptions, asked: int) -> Begin | None:
     """The dead time of the steps that start late by their best shapes; None where most of those `asked` have none."""
     shapes = [fit_step(step, replace(options, shape="auto")) for step in late]
     shapes = [one for one in shapes if one.dead_time_s > 0]
     if 2 * len(shapes) <= asked:
         return None
     weight = np.array([(one.change / (one.tau1 * max(one.rmse, 1e-12 * abs(one.change)))) ** 2 for one in shapes])
-    theta_s, reach = _mean(np.array([one.dead_time_s for one in shapes]), weight, levels)
-    return _begin_late(theta_s, reach if len(shapes) > 1 else None)
+    theta_s, reach = _mean(np.array([one.dead_time_s for one in shapes]), weight, stepset.levels)
+    begin = _begin_late(theta_s, reach if len(shapes) > 1 else None)
+    return begin._replace(findings=(*begin.findings, *find_ramps(shapes, stepset.input_unit)))
+
+
+def find_ramps(shapes: Sequence[StepShape], unit: str) -> list[Finding]:
+    """Said where dead times grow with the level as half the ramp of a drive does, θ = u/(2 rate), better by far than as
+    one that all have."""
+    u, theta = (np.array([getattr(one, name) for one in shapes]) for name in ("level", "dead_time_s"))
+    slope = float(u @ theta) / float(u @ u)
+    apart, about = float(((theta - theta.mean()) ** 2).sum()), float(((theta - slope * u) ** 2).sum())
+    least, most = int(np.argmin(u)), int(np.argmax(u))
+    if len(shapes) < FEWEST_RAMPS or theta[most] < RAMPS_APART * theta[least] or about > RAMP_PART * apart:
+        return []
+    ends = {"least": float(u[least]), "most": float(u[most])}
+    ends |= {"least_s": float(theta[least]), "most_s": float(theta[most]), "rate": 0.5 / slope}
+    return [finding("dead-time-grows", "steps", u.tolist(), unit=unit, **ends)]
 
 
 def _begin_late(theta_s: float, reach: float | None) -> Begin:

@@ -9,7 +9,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Run
 from eaid.options import ExperimentKind, ReadOptions, typed
-from eaid.steps.checks import CHECKS, broken_off, creeping, disagreements, idle_slope
+from eaid.steps.checks import CHECKS, broken_off, coarse, creeping, disagreements, idle_slope
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
@@ -110,14 +110,15 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
         ]
         for name, step in steps.items()
     }  # fmt: skip
-    for one in (told for _, group in rising for told in broken_off([steps[run.name] for run in group])):
+    of_levels = [[steps[run.name] for run in group] for _, group in rising]
+    rises = [step for level in of_levels for step in level]
+    for one in (*(told for level in of_levels for told in broken_off(level)), *coarse(rises)):
         of_runs[one.subject].append(one)
     out = _stopped(runs, of_runs)
     levels = _averaged(rising, steps, out)
     odd = disagreements(levels, input_unit)
     for name in of_runs:
         of_runs[name] += _of_subject(odd, name)
-    rises = [steps[run.name] for _, group in rising for run in group]
     findings = [*_of_subject([*of_signs, *odd], "data"), *creeping(rises)]
     findings += fraction if levels and levels[-1].level <= 1 else ()
     if stairs := sum(run.from_level != 0 for run in runs):

@@ -24,6 +24,7 @@ from eaid.steps.noise import (
     glitch,
     line,
     medians_of_five,
+    resolution,
     sample_noise,
     spikes,
     stretches,
@@ -35,7 +36,11 @@ from eaid.steps.stepset import Level
 
 SETTLING_ROWS = 20  # Rows before one value, and after it, that tell whether an output came to rest there
 BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the numbers stand
-COARSE_STEPS = 25  # Steps of the sensor's resolution in a change below which its shape cannot be told
+COARSE_STEPS = 25  # Steps of the sensor in a change below which its shape cannot be told …
+DITHERED, STILL_PART = (
+    0.3,
+    0.25,
+)  # … but where this part of the rows moves, by noise, of all but such a part of the runs
 FEWEST_CREEPS, CREEP_ERRORS, CREEP_PCT = 4, 6.0, 2.0  # Rises, standard errors of their slope, % of the least in a hold
 FLAT = 0.4  # Sharpness from which a rise is cut off and not settling
 OVER_TOP = 0.01  # Part of a flat top beyond which it is none
@@ -86,7 +91,7 @@ def saturated(step: Step) -> Finding | None:
 def _flat_top(step: Step) -> float | None:
     """The output at which a rise stops at full slope and stays, within its noise; None of one that settles."""
     rise = step.rise
-    if len(rise) < 200 or not step.swing > 0:
+    if len(rise) < 200 or not step.swing > 0 or step.swing < COARSE_STEPS * resolution(rise):
         return None
     half, quarter = len(rise) // 2, len(rise) // 4
     top = median(rise[half:])
@@ -160,18 +165,18 @@ def came_to_rest(moves: NDArray[np.float64], first: int, stop: int) -> bool:
     return len(after) < 2 or bool(after[0] <= max(2.01 * before.min(), 3 * after[1:].max()))
 
 
-def coarse(step: Step) -> Finding | None:
-    """Output that moves in steps too coarse for its change, and is not dithered by noise."""
-    rise = step.rise
-    moves = np.abs(np.diff(rise))
-    moved = moves[moves > 1e-9 * max(step.swing, 1e-300)]
-    if len(rise) < 2 * BLOCKS or not len(moved) or not step.swing > 0:
-        return None
-    finest = float(moved.min())
-    whole = np.abs(moved / finest - np.round(moved / finest)).max() < 1e-3
-    if not whole or step.swing / finest >= COARSE_STEPS or len(moved) > 0.2 * len(moves):
-        return None
-    return finding("coarse-output", step.run.name, resolution=finest, unit=step.unit, steps=step.swing / finest)
+def coarse(steps: Sequence[Step]) -> list[Finding]:
+    """Rises whose output moves in steps too coarse for its change, where noise does not dither them: a quarter of them
+    hold so still as one does that holds amid a step."""
+    known = [(step, resolution(step.rise)) for step in steps if len(step.rise) >= 2 * BLOCKS]
+    moved = [float(np.mean(np.diff(step.rise) != 0)) for step, finest in known if finest]
+    if not moved or np.quantile(moved, STILL_PART) > DITHERED:
+        return []
+    return [
+        finding("coarse-output", step.run.name, resolution=finest, unit=step.unit, steps=step.swing / finest)
+        for step, finest in known
+        if 0 < step.swing < COARSE_STEPS * finest
+    ]
 
 
 def far_out(step: Step) -> NDArray[np.intp]:
@@ -420,7 +425,7 @@ def _several_edges(step: Step) -> Finding | None:
 # The checks of one run, by its edge: each gives a finding or nothing
 CHECKS: dict[str, tuple[Callable[[Step], Finding | None], ...]] = {
     "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, ramp, _drift, _not_idle, saturated, stuck,
-               copied, coarse, isolated_spikes, _several_edges),
+               copied, isolated_spikes, _several_edges),
     "falling": (_negative, _glitch, _gap, _gap_at_step, ramp, saturated, stuck, copied, isolated_spikes,
                 _left_after_release),
 }  # fmt: skip

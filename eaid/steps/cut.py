@@ -23,7 +23,18 @@ from eaid.steps.baseline import baseline_rule, first_samples, last_rest
 from eaid.steps.checks import several_edges
 from eaid.steps.noise import STANDARD_ERRORS, block_means, block_noise, sample_noise
 from eaid.steps.onset import onset
-from eaid.steps.plateaus import BACK, FEWEST_HELD, Plateau, end_of, plateaus, stands_still, tolerance, turns, zero_of
+from eaid.steps.plateaus import (
+    BACK,
+    FEWEST_HELD,
+    Plateau,
+    end_of,
+    is_measured,
+    plateaus,
+    stands_still,
+    tolerance,
+    turns,
+    zero_of,
+)
 from eaid.steps.step import Step, sample_at
 from eaid.steps.stepset import LevelStep
 
@@ -298,11 +309,12 @@ def cut(run: Run, baseline: str = "auto", rest: float = 0.0) -> list[Run]:
         )
     moves = False
     if run.has_input:
-        refuse_percent(run, (run.input > 100 + 1e-9, "above 100"), (run.input < -1e-9, "below 0"))
+        if not is_measured(run):
+            refuse_percent(run, (run.input > 100 + 1e-9, "above 100"), (run.input < -1e-9, "below 0"))
         if rest != 0.0 and not run.cut:
             run = replace(run, input=read_only(run.input - rest))
         # a commanded input is held exactly; a measured one may wander a little
-        wanders = run.input_unit != "%" and sample_noise(run.input) > 0
+        wanders = is_measured(run) and sample_noise(run.input) > 0
         moves = float(np.ptp(run.input)) > 0 and not (
             wanders and float(np.ptp(run.input)) < WANDERS * abs(median(run.input))
         )

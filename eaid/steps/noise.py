@@ -13,6 +13,8 @@ from eaid.arrays import Array, median
 
 BLOCKS = 20  # A window is judged by the means of this many equal parts
 STANDARD_ERRORS = 5.0  # Standard errors beyond which a difference is told
+# Part of a range below which a value has not moved; part of a step by which whole ones are off; steps of a spike
+ROUNDED, WHOLE, MORE_STEPS = 1e-9, 1e-3, 1.5
 SPIKE = 25.0  # Standard deviations of the noise beyond which a single sample is a spike
 MOST_SPIKES = 0.05  # Part of the samples that spikes are at most
 IDLE_BLOCK_S = 0.25
@@ -95,12 +97,20 @@ def noise_beside_ripple(values: Array) -> float:
     return min((float(1.4826 * median(np.abs(one - median(one))) / np.sqrt(2)) for one in steps), default=0.0)
 
 
+def resolution(values: Array) -> float:
+    """The step that a sensor's values move by, all of them whole ones of it; 0 where none is told."""
+    moves = np.abs(np.diff(values))
+    moves = moves[moves > ROUNDED * float(np.ptp(values))]
+    finest = float(moves.min()) if len(moves) else 0.0
+    return finest if len(moves) and np.abs(moves / finest - np.round(moves / finest)).max() < WHOLE else 0.0
+
+
 def spikes(values: Array, least: float) -> NDArray[np.intp]:
-    """Samples that stand out of both neighbours, in one direction, by `SPIKE` of the noise and by `least`; none where
-    so many do, as where a coarse sensor goes to and fro between two of its values."""
+    """Samples that stand out of both neighbours, in one direction, by `SPIKE` of the noise, by `least` and by more than
+    a step of the sensor; none where so many do."""
     if len(values) < 8:
         return np.empty(0, dtype=np.intp)
-    steps = np.diff(values)
+    steps, least = np.diff(values), max(least, MORE_STEPS * resolution(values))
     before, after = steps[:-1], steps[1:]
     sizes = np.minimum(np.abs(before), np.abs(after))
     out = np.flatnonzero((sizes > least) & (before * after < 0))

@@ -18,8 +18,7 @@ OFFSET = 0.05  # Share of its largest value within which a measured input counts
 GLITCH = 2  # Samples up to which an input that leaves its level and comes back has taken no step
 BACK = 0.5  # Share of a range by which values have to come back for a turn
 AT_REST_BELOW = 0.02  # An input below this part of its largest is at rest
-INPUTS_APART = {"%": 0.02}  # Part of the largest input by which two inputs differ: a commanded duty is exact …
-MEASURED = 0.1  # … and a measured input wanders
+COMMANDED, MEASURED = 0.02, 0.1  # Parts of the largest input by which two inputs differ: a measured one wanders
 SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
 STILL, NOISE_MOST = 6.0, 0.3  # Deviations of a held input's noise that are no input, and part of the largest
 AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
@@ -124,6 +123,14 @@ def switching(values: Array) -> float | None:
     return float(each[np.abs(each - usual) <= 1].mean()) if regular else None
 
 
+def is_measured(run: Run) -> bool:
+    """Whether an input is read back, not commanded: no duty, or one that its noise takes beyond what duties can be."""
+    if run.input_unit != "%":
+        return True
+    beyond = max(-float(run.input.min()), float(run.input.max()) - 100.0)
+    return 0 < beyond <= min(STILL * sample_noise(run.input), NOISE_MOST * float(run.input.max()))
+
+
 def is_recorded(run: Run, rest: float = 0.0) -> bool:
     """Whether a log is fitted as it was recorded, for its input does more than step from rest.
 
@@ -149,7 +156,7 @@ def is_recorded(run: Run, rest: float = 0.0) -> bool:
     if min(float(signed.max()), -float(signed.min())) > max(SIGNED * top, noise) or (loaded.all() and still):
         return True  # of both signs, or from level to level without ever coming to rest
     starts, ends = stretches(loaded)
-    apart = INPUTS_APART.get(run.input_unit, MEASURED) * top
+    apart = (MEASURED if is_measured(run) else COMMANDED) * top
     held = [level[a:b] for a, b in zip(starts, ends, strict=True)]
     if sum(int((np.abs(one - np.median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
         return not (len(holds) == 2 and still)  # two holds are a step
@@ -182,7 +189,7 @@ def zero_of(run: Run) -> float:
     """How far from zero an input is still at rest: a commanded duty is exact, a measured input has an offset."""
     if not run.has_input:
         return 0.0
-    offset = OFFSET * float(np.abs(run.input).max()) if run.input_unit != "%" else 0.0
+    offset = OFFSET * float(np.abs(run.input).max()) if is_measured(run) else 0.0
     return max(tolerance(run.input), offset)
 
 

@@ -144,6 +144,7 @@ def test_a_clutch_keeps_its_form_and_what_falls_have_is_replayed(tmp_path: Path)
     assert fit.plant.falls == pytest.approx((0.5, 0.5), rel=0.1) and fit.plant.excess == pytest.approx(0.08, abs=0.01)
     assert fit.logs[0].fit_pct > 99
     assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+    assert np.sqrt(np.mean(fit.resid**2)) == pytest.approx(fit.rmse) and fit.resid.std() < 0.02
     played = eaid.simulate(fit, None, "steps", controller=("inverse",))
     assert "replay-no-hysteresis" in {one.code for one in played.findings}  # a controller's input falls to no level
 

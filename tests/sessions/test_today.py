@@ -9,6 +9,8 @@ import eaid
 from eaid.estimate.draw import draw
 from eaid.plant.dynamics import REFERENCE_PLANT
 
+from ..conftest import codes
+
 
 @pytest.fixture(scope="module")
 def step(make):
@@ -105,12 +107,18 @@ def test_b_reaches_over_the_next_session(rig, today, fits):
 def test_every_later_command_takes_it(today, fits, tmp_path):
     gains = eaid.tune_rc(today)
     mounted, of_one = {"for-this-mounting"}, eaid.tune_rc(fits["s5"])
-    assert mounted & {one.code for one in of_one.findings} and not mounted & {one.code for one in gains.findings}
+    assert mounted & codes(of_one).keys() and not mounted & codes(gains).keys()
+    how = {"plants": 1, "duration": 5.0}
+    assert mounted & codes(eaid.simulate(fits["s5"], of_one, **how)).keys()
+    assert not mounted & codes(eaid.simulate(today, gains, **how)).keys()
+    walls = {"torque": (1.0,), "loops": ("pi",), "replay": False}
+    assert mounted & codes(eaid.couple(fits["s5"], of_one, **walls)).keys()
     assert gains.rc.alpha > of_one.rc.alpha
     alone = msgspec.structs.replace(today, uncertainty=msgspec.structs.replace(today.uncertainty, ci="robust"))
     assert eaid.tune_rc(today, phi="data").rc.phi > 1.1 * eaid.tune_rc(alone, phi="data").rc.phi  # of drawn plants
     assert eaid.simulate(today, gains, plants=10).records["rc"].metrics.plants.count == 10
-    assert eaid.couple(today, gains, torque=(1.0,), loops=("pi",), replay=False).walls
+    walled = eaid.couple(today, gains, **walls)
+    assert walled.walls and not mounted & codes(walled).keys()
     assert eaid.export(gains, tmp_path / "rig", fit=today, target="yaml").laws
     assert eaid.report([today, gains], tmp_path / "page", figures="fig07").is_file()
     assert eaid.plan(today, check=False).runs

@@ -428,6 +428,14 @@ ROWS: dict[str, Row] = {
         ),
         "dead_time_s",
     ),
+    "dead-time-grows": caution(
+        "the dead time grows with the step, from {least_s:.3g} s at {least:g} to {most_s:.3g} s at {most:g}, as behind "
+        "a drive that ramps its output, by some {rate:.3g} {unit} a second: the models have one dead time for all, and "
+        "their τ1 takes the rest; record what the drive puts out as the input",
+        rank=-1,
+        covers=("other-shape-fits-better",),
+        first="record what the drive puts out as the input",
+    ),
     "input-saturates": caution(
         "{subject}: the input stands at its limit ({limit:g}) for {share_pct:.0f} % of the acting time: it tells "
         "little there; lower the reference or the gains",

@@ -64,8 +64,8 @@ ROWS: dict[str, Row] = {
     ),
     "several-sessions": caution(_one_of_several, always=True, rank=1, first="fit each session by itself"),
     "for-this-mounting": note(
-        "of one session: gains, guarantee and margins hold for this mounting; fits of three and more, held together by "
-        "`eaid sessions`, tell what holds for the next"
+        "of one session: {what} hold for this mounting; fits of three and more, held together by `eaid sessions`, tell "
+        "what holds for the next"
     ),
     "for-today": note(
         "T_s within ×/÷ {factor:.3g} at the worst level, without the steps ×/÷ {without:.3g} (by {sessions} sessions "
