@@ -234,8 +234,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
     @property
     def residuals(self) -> "pandas.Series[float]":
-        """Recorded less fitted, indexed by (level, time_s): of the mean of a level's repeats against the first model; by
-        (log, time_s) of logs that were fitted as recorded, against the plant.
+        """Recorded less fitted, indexed by (level, time_s): of a level's mean of repeats against the first model; of
+        logs that were fitted as recorded by (log, time_s), against the plant.
 
         `DataError` for a fit that was read from a file: it holds no samples.
         """
