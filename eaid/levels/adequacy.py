@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 from scipy.special import fdtri
 
@@ -26,6 +27,7 @@ SINGLE_CHANCE = 0.001  # The same for a single run, whose peak the same noise ha
 SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoothed run
 # Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance
 FEWEST_MISSED = 3
+MISSED_FAR = 0.015  # Part of the held output, in the middle, by which they miss it so that no interval holds it
 FEWEST_LEVELS, NEAR_0 = 3, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
 
 
@@ -138,8 +140,11 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[F
     told = len(beyond) >= min(FEWEST_MISSED, len(rows)) and 3 * len(beyond) > len(rows)
     if told and 2 * len(falling) <= len(scatter.levels):
         most = max(beyond, key=lambda row: row.systematic_nm or 0.0)
-        size = {"systematic": most.systematic_nm, "worst": most.level, "of": len(rows)}
-        findings.append(finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size))
+        held = {one.level: float(hold_of(one.runs).held.mean()) for one in scatter.levels}
+        part = median(np.array([(row.systematic_nm or 0.0) / abs(held[row.level] or np.inf) for row in beyond]))
+        size = {"systematic": most.systematic_nm, "worst": most.level, "of": len(rows), "far": part > MISSED_FAR}
+        alike = finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size)
+        findings.append(msgspec.structs.replace(alike, severity="caution") if part > MISSED_FAR else alike)
     return tuple(rows), findings
 
 

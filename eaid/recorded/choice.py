@@ -69,6 +69,7 @@ LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
+ALL_INPUTS = 11  # Inputs over which a form is laid out
 FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
@@ -230,6 +231,19 @@ def rank_beside_clutch(
     if of_loops and not explains_far_better(first, own):  # noise that goes round a loop bends what has no instruments
         first = own
     return [first, *(one for one in rows if one is not first)]
+
+
+def lay_over_all(clutch: Solved, inputs: Excited) -> Solved:
+    """The clutch's form with its curves over all inputs that moved, where the logs ask for them beyond those that they
+    tell well: a further unknown each of T_s, τ1, τ2 would save less of nothing but noise."""
+    model = clutch.setup.model
+    if inputs.stepwise or (model.low, model.high) == inputs.ends:
+        return clutch
+    wide = forms.nonlinear(np.linspace(*inputs.ends, ALL_INPUTS), model.share)
+    start = np.append(wide.unknowns(plant_found(clutch)), clutch.x[model.size :])
+    found = fit_near(replace(clutch.fitted, model=wide), start)
+    by_noise = float(chdtri(len(forms.PAPER_DEGREES), SHARE_CHANCE)) * found.cost / count_independent(found)
+    return found if found.cost < clutch.cost - by_noise else clutch
 
 
 def _kind_findings(best: Tried, kinds: Sequence[KindTried], logs: Sequence[RecordedLog]) -> list[Finding]:
@@ -425,6 +439,8 @@ def _fit_clutch(
         base, ends = found
         low, high = (base.x[base.setup.model.size - 1] + np.array([-ends, ends])).tolist()
         findings.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=(low + high) / 2, low=low, high=high))
+    if free and options.duty is None:
+        base = lay_over_all(base, inputs)
     if options.through:
         base = refit_through_levels(base, inputs)
     plain, of_falls = base, tuple[FallTest, ...]()

@@ -363,6 +363,12 @@ ROWS: dict[str, Row] = {
         lambda v: (
             f"at {len(v['each'])} of {v['of']} levels all repeats miss the curve "
             f"alike (by {v['systematic']:.2g} at {v['worst']:g}): the shape is not quite right"
+            + (
+                ", and T_s, τ1, τ2 may be further off than their intervals tell; a ripple that comes at the same time "
+                "of each run does so, too: start runs at other angles of the rotor"
+                if v.get("far")
+                else ""
+            )
         )
     ),
     "draws-rejected": caution(
