@@ -52,8 +52,9 @@ def test_lack_of_fit_is_what_the_runs_share() -> None:
 
 def test_a_ripple_of_a_homed_rotor_is_no_fine_print() -> None:
     """4 % at the same phase of every run: τ2 was 36 to 330 % off within ± 12 %, beside a note."""
-    alike = codes(eaid.fit(stepset(lambda u: usual(u) * (1 + 0.04 * np.sin(2 * np.pi * T / 6 + 1)))))
-    assert alike["repeats-miss-alike"].severity == "caution" and "angles of the rotor" in say(alike["repeats-miss-alike"])
+    fit = eaid.fit(stepset(lambda u: usual(u) * (1 + 0.04 * np.sin(2 * np.pi * T / 6 + 1))))
+    alike = codes(fit)["repeats-miss-alike"]
+    assert alike.severity == "caution" and "angles of the rotor" in say(alike)
 
 
 def test_the_right_model_is_kept() -> None:

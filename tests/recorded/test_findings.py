@@ -291,8 +291,8 @@ def test_what_is_wrong_in_a_recorded_log_is_told_by_its_fit(spoil, code) -> None
 
 def test_curves_go_over_all_inputs_where_the_logs_ask_for_it() -> None:
     """Few rows of slow sines lie at the lowest inputs: the clutch's curves ended above them, and two lags with a zero,
-    whose τ2 goes as τ1, took its place: τ2 18 % off within ± 2 %."""
-    random, t = np.random.default_rng(3), np.arange(0.0, 180.0, 0.02)
+    whose τ2 goes as τ1, took its place: τ2 11 % off within ± 2 %."""
+    random, t = np.random.default_rng(0), np.arange(0.0, 180.0, 0.02)
     lines = zip((0.03, 0.11, 0.31, 0.7, 1.9), random.uniform(0, 2 * np.pi, 5), strict=True)
     u = np.where(t < 5, 0.0, 50 + sum(9 * np.sin(2 * np.pi * f * t + phase) for f, phase in lines))
     rig = Plant((0.25, 0.004), (4.0, 0.03), (0.05, 0.012, 2.2e-4), (5.0, 95.0), C=0.85)
@@ -300,5 +300,5 @@ def test_curves_go_over_all_inputs_where_the_logs_ask_for_it() -> None:
     fit = eaid.fit(pd.DataFrame({"time_s": t, "duty_pct": u, "torque_Nm": output}))
     assert fit.nonlinear is not None and fit.plant.u_range == pytest.approx((u[u > 0].min(), u.max()))
     for level in (25.0, 50.0, 75.0):
-        assert fit.plant.at(level).tau2 == pytest.approx(rig.at(level).tau2, rel=0.06)
+        assert fit.plant.at(level).tau2 == pytest.approx(rig.at(level).tau2, rel=0.04)
         assert fit.plant.at(level).Ts == pytest.approx(rig.at(level).Ts, rel=0.01)
