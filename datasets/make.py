@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from eaid.options import EXPERIMENTS, SynthOptions
-from eaid.synth.datasets import write
+from eaid.synth.files import write
 from eaid.synth.synthesize import synthesize
 
 

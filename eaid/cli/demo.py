@@ -21,7 +21,7 @@ def demo(args: Common, output: Path = written("demo", "Folder that the demo fill
         raise UsageError(f"{output}: is a file; give the demo a folder with -o")
     if not args.force and output.is_dir() and any(output.iterdir()):
         raise UsageError(f"{output}: is not empty; give --force to write over it, or another -o")
-    from eaid.synth.datasets import shipped
+    from eaid.synth.files import shipped
 
     data = {kind: str(path.resolve()) for kind, path in shipped().items()}
     output.mkdir(parents=True, exist_ok=True)

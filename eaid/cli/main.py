@@ -74,9 +74,9 @@ COMMANDS = {
     "report": ("report", "Result files → one HTML page and figures"),
     "synth": ("models", "A plant → synthetic logs"),
     "couple": ("loops", "fit.json and gains.json → how stiff a virtual wall, couple.json"),
-    "compare": ("compare", "fit.json of sessions → what moved, must gains be made anew; or a recorded loop"),
+    "compare": ("sessions", "fit.json of sessions → what moved, must gains be made anew; or a recorded loop"),
     "sessions": ("sessions", "fit.json of three sessions and more → what the next may be, rig.json"),
-    "today": ("today", "rig.json and a reference step → a fit that holds today"),
+    "today": ("sessions", "rig.json and a reference step → a fit that holds today"),
     "plan": ("models", "fit.json → what to record next, plan.csv"),
     "demo": ("demo", "All of the above on the three shipped datasets"),
 }

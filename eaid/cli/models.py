@@ -190,8 +190,7 @@ def synth(
     """
     from eaid.results import codec
     from eaid.results.common import Input
-    from eaid.synth.datasets import write
-    from eaid.synth.files import is_synthetic, write_folder
+    from eaid.synth.files import is_synthetic, write, write_folder
     from eaid.synth.synthesize import synthesize
 
     fit_file = None if plant == "reference" else Path(plant)

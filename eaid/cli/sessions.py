@@ -1,11 +1,16 @@
-"""`eaid sessions`: fits of several mountings of one rig → what the next one may be."""
+"""`eaid sessions`, `today` and `compare`: what the next mounting of a rig may be, what it is today, what moved."""
 
+import shlex
 from pathlib import Path
+from typing import Any
 
+import eaid
 from eaid.cli import console
-from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
+from eaid.cli.form import Common, argument, exit_code_of, stamped, takes, tell_result, written
+from eaid.declared import option
+from eaid.errors import UsageError, on_command_line
 from eaid.files import refuse_to_overwrite
-from eaid.options import SessionsOptions
+from eaid.options import SESSIONS, Columns, CompareOptions, ReadOptions, SessionsOptions
 from eaid.shown import counted
 
 
@@ -34,3 +39,87 @@ def sessions(
     after = f"record a step at {rig.best_step}, then eaid today {output} STEP"
     steps_tell = not values and not rig.confounded
     console.done(output, counted(len(rig.sessions), "session"), after if steps_tell else ("report", output))
+
+
+@takes
+def today(
+    args: Common, reading: ReadOptions,
+    rig: Path = argument("RIG", "rig.json of eaid sessions."),
+    steps: list[Path] = argument("STEP…", "Logs of one or two steps from rest, recorded in this session."),
+    output: Path = written("today.json"),
+) -> int:  # fmt: skip
+    """One or two reference steps of today → a fit with intervals that hold for today, by what is known of the rig.
+
+    tune-rc, simulate, couple, export and report take it as any other fit. Logs are read as those of the sessions were.
+
+    Example: eaid today rig.json step_60.csv -o today.json
+    """
+    from eaid.findings import say
+    from eaid.logs.folders import files_read
+    from eaid.reading import read_steps
+    from eaid.results import codec
+    from eaid.results.summary import answer, verdict_line
+    from eaid.sessions.rig import Rig
+    from eaid.sessions.today import reading_of, today
+
+    known, warnings = codec.read(rig, Rig)
+    refuse_to_overwrite(output, args.force, [rig, *files_read(steps)])
+    data = read_steps(steps, reading_of(known, reading), console.progress, console.warn, console.say)[1]
+    fit = stamped(today(known, data), args)
+    fit.save(output, args.force)
+    one = next(found for found in fit.findings if found.code == "for-today")
+    again = any(found.code == "step-outside" for found in fit.findings)
+    after = f"eaid {'tune-rc' if fit.linear is not None and fit.verdict.usable else 'report'} {output}"
+    after = f"next    {'the step once more; as it is: ' * again}{after}"
+    values = [line for line in answer(fit)[1:] if not line.startswith(("used", "logs"))]
+    shown = [*map(on_command_line, verdict_line(fit)), f"today   {say(one)}", *map(on_command_line, values), after]
+    tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
+    console.say(f"{output}: a fit for today")
+    return exit_code_of(fit, output)
+
+
+@takes
+def compare(
+    args: Common, how: CompareOptions, reading: Columns,
+    files: list[Path] = argument(
+        "A B…", "fit.json of a session, A, and of those that it is held against, B, C …; or a fit.json (or replay.h5) "
+        "and the log of a loop, its reference among the columns.",
+    ),
+    gains: Path | None = option(None, "gains.json: must it be made anew? Or: what the loop ran with.", SESSIONS,
+                                shown="FILE"),
+    output: Path = written("compare.json"),
+) -> None:  # fmt: skip
+    """What moved from the other sessions to the first, alike at all levels or not, and whether gains must be made anew.
+
+    Every change is that of A against another. Of several sessions the probabilities are Holm's. With the log of a loop:
+    whether its error and overshoot are what the replay promises.
+
+    Example: eaid compare today.json last_week.json --gains gains.json
+    """
+    from eaid.report.results import read_result
+    from eaid.report.tables.sessions import changes_table, shifts_table
+    from eaid.results import codec
+
+    if len(files) < 2:
+        raise UsageError(f"{files[0]} alone: give another session's fit.json, or the log of a loop, behind it")
+    refuse_to_overwrite(output, args.force, [*files, *filter(None, [gains])])
+    tuned, warnings = codec.read(gains, eaid.Gains) if gains else (None, ())
+    results: list[Any] = []
+    for path in files:
+        if path.suffix == ".json" or path == files[0]:
+            result, more = read_result(path)
+            if not isinstance(result, eaid.Fit | eaid.Replay):
+                raise UsageError(f"{path}: is neither a fit.json nor a replay.h5; gains go behind --gains")
+            results.append(result)
+            warnings = (*warnings, *more)
+        else:
+            results.append(path)
+    as_said = ReadOptions(**reading.given()) if reading.given() else None
+    found = eaid.compare(*results, gains=tuned, names=list(map(str, files)), options=how, reading=as_said)
+    found = stamped(found, args, files=files, gains=gains)
+    found.save(output, args.force)
+    after = ["tune-rc", str(files[0])] if found.tune_anew else ["report", str(output)]
+    lines = [*map(on_command_line, found.lines()), f"next    eaid {shlex.join(after)}"]
+    tables = (shifts_table(found), changes_table(found)) if args.verbose else ()
+    tell_result(args, found, [*lines, *tables], [*warnings, *found.findings])
+    console.say(f"{output}: the comparison")

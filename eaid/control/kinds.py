@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from eaid.control import pi_feedforward, smith
-from eaid.control.law import Wanted
-from eaid.control.pi import PIGains, pi_step
+from eaid.control.pi import PIGains, Wanted, pi_step
 from eaid.control.pi_feedforward import PIFeedforwardGains, pi_feedforward_step
 from eaid.control.rc import RCGains, rc_step
 from eaid.control.smith import SmithGains, smith_step

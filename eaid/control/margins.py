@@ -25,7 +25,6 @@ from scipy.optimize import brentq
 
 from eaid.arrays import Array
 from eaid.control.kinds import LAW_KINDS, Law, kind_of
-from eaid.control.law import LinearLaw
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import GainsError
@@ -42,6 +41,25 @@ from eaid.results.models import LinearLevel, StepShape
 LATE = 20  # Holds of dead time that the map of a loop spans at most
 MOST_DB, STEP_DB = 80.0, 2.0  # Gain margins are sought up to here, in such steps
 ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
+
+
+class LinearLaw(NamedTuple):
+    """A controller around a point: δu = k_r δr + k_v δv − k_T δT + k_q δq, of reference r, its rate v, the torque T
+    that is read, and the integral q of the error; without k_q nothing reads the integral."""
+
+    k_r: float
+    k_v: float
+    k_T: float
+    k_q: float
+
+    def over(self, h: float) -> tuple[Array, Array, Array, float]:
+        """A, B, C and D of s ← A s − B T, u = C s − D T, a sample being h; s is the integral."""
+        kept = 1 if self.k_q else 0
+        return np.eye(kept), np.full(kept, h), np.full(kept, self.k_q), self.k_T
+
+    def response(self, z: Complex, h: float) -> Complex:
+        """Duty per torque that is read, its sign turned, at z = e^(iωh)."""
+        return np.asarray(self.k_T + self.k_q * h / (z - 1), dtype=np.complex128)
 
 
 class Point(NamedTuple):

@@ -6,13 +6,15 @@ samples before k.
 
 import cmath
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
 from eaid.errors import GainsError
 from eaid.plant.linear import LinearPlant
+from eaid.results.gains import AskedPI, Robust, Timing
 
 
 class PIGains(NamedTuple):
@@ -161,3 +163,15 @@ def pi_gains(model: LinearPlant, overshoot_pct: float, settling_s: float) -> tup
     high = float(brentq(lambda p: settles(p) - settling_s, low, high, xtol=ROOT_CLOSE * high))
     high *= 1 + INWARD
     return (high - a0) / model.b0, _q_of_overshoot(a0, high, share) / model.b0
+
+
+class Wanted(NamedTuple):
+    """What a controller of the table is designed for, once the robust controller and the PI have their gains."""
+
+    model: LinearPlant
+    rc: Robust | None  # None: refused
+    timing: Timing
+    limits: tuple[float, float]
+    # (K_P, K_I) → what a step takes, factors on the dead time → the quickest PI that has 6 dB and 45° around every held
+    # input under each of them; None: there is none
+    quickest: Callable[[Callable[[float, float], Any], tuple[float, ...]], AskedPI | None]

@@ -9,7 +9,7 @@ tells what the term itself is worth. Timing and anti-windup are those of `pi_ste
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from eaid.control.law import Wanted
+from eaid.control.pi import Wanted
 from eaid.plant.linear import LinearPlant
 
 

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control.law import Wanted
-from eaid.control.pi import pi_gains
+from eaid.control.pi import Wanted, pi_gains
 from eaid.errors import GainsError
 from eaid.plant.dynamics import in_samples
 from eaid.plant.linear import LinearPlant

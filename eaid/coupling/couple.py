@@ -31,8 +31,7 @@ from eaid.control import margins
 from eaid.control.defaults import control_rate, of_this_mounting
 from eaid.control.gains import law_of, plant_of, refuse_other_units
 from eaid.control.kinds import Law
-from eaid.control.law import LinearLaw
-from eaid.control.margins import Point, finite
+from eaid.control.margins import LinearLaw, Point, finite
 from eaid.errors import DataError, GainsError, UsageError
 from eaid.findings import Finding, finding, ranked
 from eaid.options import LOOPS, CoupleOptions

@@ -85,23 +85,15 @@ def log_header(into: str, out: str) -> str:
 
 
 def _zipped(name: str, description: str, sources: Mapping[str, str]) -> bytes:
-    whole = io.BytesIO()
-    with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as file:
-        _put(file, "modelDescription.xml", description.encode())
-        for path, text in sources.items():
-            _put(file, f"sources/{path}", text.encode())
-        made = binary(name, sources)
-        if made is not None:
-            _put(file, made[0], made[1])
+    whole, made = io.BytesIO(), binary(name, sources)
+    texts = {"modelDescription.xml": description, **{f"sources/{path}": text for path, text in sources.items()}}
+    with zipfile.ZipFile(whole, "w") as file:
+        for path, data in [*((path, text.encode()) for path, text in texts.items()), *filter(None, [made])]:
+            entry = zipfile.ZipInfo(path)  # dated 1980
+            entry.external_attr = 0o644 << 16
+            file.writestr(entry, data, zipfile.ZIP_DEFLATED)
         file.comment = name.encode() + MARK
     return whole.getvalue()
-
-
-def _put(file: zipfile.ZipFile, path: str, data: bytes) -> None:
-    entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
-    entry.compress_type = zipfile.ZIP_DEFLATED
-    entry.external_attr = 0o644 << 16
-    file.writestr(entry, data)
 
 
 def binary(name: str, sources: Mapping[str, str]) -> tuple[str, bytes] | None:

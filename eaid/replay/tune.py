@@ -25,7 +25,6 @@ from eaid.control.design import Design, phi_needed, robust_of, seen_top_nm
 from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
 from eaid.control.guarantee import MENDABLE, Grounds, guarantee_of, to_mend, warnings_of
 from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
-from eaid.control.law import Wanted
 from eaid.control.margins import (
     Point,
     finite,
@@ -34,7 +33,7 @@ from eaid.control.margins import (
     margins_of,
     points_of,
 )
-from eaid.control.pi import PAPER_PI, PIGains, step_metrics
+from eaid.control.pi import PAPER_PI, PIGains, Wanted, step_metrics
 from eaid.errors import DataError
 from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked

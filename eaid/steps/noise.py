@@ -50,17 +50,6 @@ def block_means(values: Array, blocks: int = BLOCKS) -> Array:
     return np.asarray(np.add.reduceat(values, edges[:-1], axis=-1) / np.diff(edges))
 
 
-def medians_of_five(values: Array) -> Array:
-    """The median of each value and its two neighbours on either side, the ends repeated, shape (n,).
-
-    That of e and the middle two of a, b, c, d, which least and largest of pairs tell.
-    """
-    a, b, c, d, e = np.lib.stride_tricks.sliding_window_view(np.pad(values, 2, "edge"), 5).T
-    second = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    third = np.minimum(np.maximum(a, b), np.maximum(c, d))
-    return np.asarray(np.maximum(np.minimum(second, third), np.minimum(np.maximum(second, third), e)))
-
-
 def block_error(values: Array) -> float:
     """Standard error of the mean of one of `BLOCKS` parts, from how far neighbouring means of a fine division differ.
 

@@ -1,13 +1,24 @@
-"""Synthetic logs as a folder of plain eaid CSV, one run a file, each headed by what it is."""
+"""Synthetic logs as files: a folder of plain eaid CSV, one run a file, each headed by what it is, or a data.h5; and the
+three synthetic datasets that ship with eaid (`datasets/make.py` makes them).
+
+These are the reference plant (specification 6) at the paper's 1 kHz with the default disturbance and seed 0; the same
+call makes the same bytes again, as long as HDF5's own compressor is the same version. Torques are rounded to the
+sensor's 1/1024 N·m, so the numbers themselves do not depend on the last digit of a machine's exponential.
+"""
 
 import math
 from collections.abc import Sequence
+from importlib import resources
 from pathlib import Path
 
-from eaid.errors import DataError
+from eaid.apparatus import Apparatus
+from eaid.errors import DataError, UsageError
 from eaid.files import folder_written_whole, refuse_folder
+from eaid.logs.dataset import write_dataset
 from eaid.logs.run import INPUT_UNITS, Run
+from eaid.options import EXPERIMENTS
 from eaid.replay.references import read_rows
+from eaid.steps.cut import cut
 from eaid.synth.logs import Input
 
 # Input of a plain eaid CSV, by kind,
@@ -60,3 +71,22 @@ def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input
 def input_file(changes: Sequence[tuple[float, float]], kind: str, unit: str) -> list[str]:
     """The lines of a file that `read_input` reads."""
     return [f"time_s,{input_column(kind, unit)}", *(f"{at:.9g},{value:.9g}" for at, value in changes)]
+
+
+def write(path: Path, runs: Sequence[Run], force: bool = False) -> None:
+    """Write logs as data.h5: cut into their steps, rising and falling, as `eaid ingest` would have found them."""
+    kind = runs[0].kind or "clutch"
+    # one surface in the friction rig, two in the clutch (specification 1)
+    apparatus = Apparatus(surfaces=2 if kind == "clutch" else 1)
+    write_dataset(path, [step for run in runs for step in cut(run)], kind=kind, apparatus=apparatus, force=force)
+
+
+def shipped() -> dict[str, Path]:
+    """Where the shipped datasets lie, by kind: in the installed package, or in `datasets/` of a checkout."""
+    inside = Path(str(resources.files("eaid"))) / "datasets"
+    checkout = Path(__file__).parents[2] / "datasets"
+    for folder in (inside, checkout):
+        paths: dict[str, Path] = {kind: folder / f"{kind}.h5" for kind in EXPERIMENTS}
+        if all(path.is_file() for path in paths.values()):
+            return paths
+    raise UsageError(f"{inside}: the shipped datasets are missing; install eaid again, or run datasets/make.py")

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 import eaid
 from eaid.control.gains import law_of
 from eaid.control.kinds import LAW_KINDS
-from eaid.control.law import LinearLaw
-from eaid.control.margins import Point, law_around
+from eaid.control.margins import LinearLaw, Point, law_around
 from eaid.control.pi_feedforward import PIFeedforwardGains, pi_feedforward_step
 from eaid.control.rc import rc_step
 from eaid.options import CONTROLLERS

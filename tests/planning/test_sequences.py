@@ -10,7 +10,7 @@ from eaid.options import Limits
 from eaid.planning.sequences import plan_excitation, recording_widths, refuse_scattered
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.results.models import Noise
-from eaid.synth.datasets import shipped
+from eaid.synth.files import shipped
 
 NOISE = Noise(1.8e-7, 6e-5, {"Ts": 0.0, "tau1": 0.0, "tau2": 0.0})
 WANT = {"tau1": 8.0, "tau2": 25.0, "Ts": 3.0}

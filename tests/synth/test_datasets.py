@@ -9,7 +9,7 @@ import pytest
 
 from eaid import __version__
 from eaid.options import EXPERIMENTS
-from eaid.synth import datasets
+from eaid.synth import files as datasets
 
 
 @pytest.fixture(scope="module")
