@@ -31,7 +31,7 @@ from eaid.recorded.from_logs import (
     setup_of,
     start_states,
 )
-from eaid.recorded.inputs import FEW_LEVELS, MANY_LEVELS, Excited
+from eaid.recorded.inputs import FEW_LEVELS, MANY_LEVELS, NEXT_TO_REST, Excited
 from eaid.recorded.kinds import (
     PRICE,
     LagKind,
@@ -236,10 +236,11 @@ def rank_beside_clutch(
 def lay_over_all(clutch: Solved, inputs: Excited) -> Solved:
     """The clutch's form with its curves over all inputs that moved, where the logs ask for them beyond those that they
     tell well: a further unknown each of T_s, τ1, τ2 would save less of nothing but noise."""
-    model = clutch.setup.model
-    if inputs.stepwise or (model.low, model.high) == inputs.ends:
+    model, (least, most) = clutch.setup.model, inputs.ends
+    least = max(least, NEXT_TO_REST * most)
+    if inputs.stepwise or (model.low, model.high) == (least, most):
         return clutch
-    wide = forms.nonlinear(np.linspace(*inputs.ends, ALL_INPUTS), model.share)
+    wide = forms.nonlinear(np.linspace(least, most, ALL_INPUTS), model.share)
     start = np.append(wide.unknowns(plant_found(clutch)), clutch.x[model.size :])
     found = fit_near(replace(clutch.fitted, model=wide), start)
     by_noise = float(chdtri(len(forms.PAPER_DEGREES), SHARE_CHANCE)) * found.cost / count_independent(found)
@@ -439,7 +440,7 @@ def _fit_clutch(
         base, ends = found
         low, high = (base.x[base.setup.model.size - 1] + np.array([-ends, ends])).tolist()
         findings.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=(low + high) / 2, low=low, high=high))
-    if free and options.duty is None:
+    if options.duty is None:
         base = lay_over_all(base, inputs)
     if options.through:
         base = refit_through_levels(base, inputs)

@@ -16,6 +16,7 @@ LEVELS_ALIKE = 1e-3  # Inputs that differ by less than this part of the largest 
 MANY_LEVELS = 60  # Levels beyond which inputs count as moving
 FEW_LEVELS = 20  # Levels that are shown each by itself, at most
 TAIL = 0.01  # Part of the acting time that a moving input may spend below the identified range
+NEXT_TO_REST = 0.02  # Part of the largest input below which one that moves is at rest
 LEAST_OUTPUTS, LEAST_OF_ALL = 10, 50  # Rows of one log, and of all: a plant has up to nine unknowns
 FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
 INPUT_JUMP = 0.1  # A jump, as a part of the largest input
@@ -73,7 +74,8 @@ def find_inputs(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None)
         return Excited(levels, float(levels[0]), float(levels[-1]), True, (float(levels[0]), float(levels[-1])))
     sized = ((np.abs(log.input), log.dt_s) for log in logs)
     values, weights = [np.concatenate(part) for part in zip(*sized, strict=True)]
-    low, high = np.quantile(values, [TAIL, 1.0], weights=weights * (values > 0), method="inverted_cdf").tolist()
+    acts = values > NEXT_TO_REST * values.max()  # below, a loop answers noise
+    low, high = np.quantile(values, [TAIL, 1.0], weights=weights * acts, method="inverted_cdf").tolist()
     return Excited(np.array([low, high]) if high > low else np.array([low]), low, high, False, ends)
 
 

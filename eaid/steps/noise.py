@@ -14,7 +14,7 @@ from eaid.arrays import Array, median
 BLOCKS = 20  # A window is judged by the means of this many equal parts
 STANDARD_ERRORS = 5.0  # Standard errors beyond which a difference is told
 # Part of a range below which a value has not moved; part of a step by which whole ones are off; steps of a spike
-ROUNDED, WHOLE, MORE_STEPS = 1e-9, 1e-3, 1.5
+ROUNDED, WHOLE, MORE_STEPS = 1e-9, 1e-3, 3.5
 SPIKE = 25.0  # Standard deviations of the noise beyond which a single sample is a spike
 MOST_SPIKES = 0.05  # Part of the samples that spikes are at most
 IDLE_BLOCK_S = 0.25
