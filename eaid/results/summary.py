@@ -93,12 +93,24 @@ def unseen(fit: "Fit") -> list[str]:
     if fit.recorded is not None and (logs := fit.recorded.hold_out) is not None and logs.held_pct is not None:
         whose, they = ("logs left out in turn", "them") if logs.of == "logs" else (f"the {logs.of} left out", "it")
         return [f"unseen {logs.held_pct:.1f} % of {whose} ({number(logs.fit_pct, 3)} % with {they})"]
-    left = None if fit.nonlinear is None else fit.nonlinear.left_out
+    said, left = held_out_line(fit), None if fit.nonlinear is None else fit.nonlinear.left_out
     if left is None or left.held_pct is None or left.worst is None:
-        return []
+        return said
     at = f"{left.worst:.4g} {fit.data.input_unit}".rstrip()
     off = f"T_s off by {number(left.Ts_off_pct, 3)} % (median), at worst {number(left.worst_off_pct, 3)} % at {at}"
-    return [f"unseen {left.held_pct:.1f} % of levels left out in turn ({number(left.fit_pct, 3)} % with them), {off}"]
+    in_turn = f"unseen {left.held_pct:.1f} % of levels left out in turn ({number(left.fit_pct, 3)} % with them), {off}"
+    return [*said, in_turn]
+
+
+def held_out_line(fit: "Fit") -> list[str]:
+    """How far the first model is off the levels that the user held out."""
+    known = [part.hold_out for part in (fit.nonlinear, fit.friction, fit.linear) if part is not None and part.hold_out]
+    if not known or known[0].rmse is None:
+        return []
+    held, unit = known[0], fit.data.output_unit
+    at = enumerated([one.level for one in held.levels], fit.data.input_unit)
+    errors = f"RMSE {number(held.rmse, 3)} {unit}".rstrip()
+    return [f"unseen {at}, held out: {errors} ({number(held.fitted_rmse, 3)} on the levels fitted)"]
 
 
 def plant_lines(fit: "Fit") -> list[str]:
