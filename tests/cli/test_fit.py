@@ -71,7 +71,7 @@ def table(text, title):
 
 def test_the_tables_hold_the_numbers_of_the_file(rig, run_eaid):
     ran = run_eaid("fit data.h5 --estimator joint --hold-out 60 -v -o f.json")
-    assert "unseen 60 %, held out: RMSE" in ran.stdout
+    assert "unseen 60 %, held out: RMSE" in ran.out
     part, rows = result()["nonlinear"], table(ran.out, "Table III")
     assert rows[0][2:4] == ["published", "ours, joint"]
     assert "B_m = " in ran.out and "Release. How the output falls" in ran.out
