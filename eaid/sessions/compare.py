@@ -17,17 +17,19 @@ from msgspec.structs import asdict, replace
 from scipy.special import fdtrc, stdtrit
 
 from eaid.arrays import Array
-from eaid.control.gains import refuse_other_units
+from eaid.control.defaults import input_limits
+from eaid.control.gains import law_of, plant_of, refuse_other_units
+from eaid.control.margins import enough, least_margins, points_of
 from eaid.errors import DataError, in_python
 from eaid.estimate.coefficients import CURVES_ORDER
-from eaid.findings import sentences
+from eaid.findings import Finding, finding, sentences
 from eaid.findings.row import SYMBOLS
 from eaid.options import CompareOptions
 from eaid.plant.forms import terms
 from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains
+from eaid.results.gains import Gains, Margin
 from eaid.sessions.gather import MANY, NO_INTERVAL, RESPONSES, Value, snapped, together, values_of
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import two_sided
@@ -35,6 +37,8 @@ from eaid.shown import Plotted, pandas
 
 MOVED_CHANCE = 0.05
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
+# A dead time is another from so much of τ1 on, the share of the fast part from so much
+LEAST_LATE, LEAST_SHARE = 0.05, 0.03
 CALLED = SYMBOLS | {"held": "held output", "peak": "peak"}
 
 
@@ -101,9 +105,14 @@ class Retune(Result, frozen=True):
     """None: a level's B lies outside by more than a standard error, but not its whole interval."""
     outside: tuple[Number, ...] = ()
     """Levels at which it does."""
+    lacking: dict[str, Margin] = {}
+    """Loops that have had 6 dB and 45° and have not on A's plant, behind its dead time: the least margins there."""
 
     def words(self) -> str:
         """The answer, and why."""
+        if self.lacking:
+            each = ", ".join(f"{name} {_margins_said(one)}" for name, one in self.lacking.items())
+            return f"yes: on A's plant the loops lack 6 dB and 45° ({each})"
         made, at = f"{self.B_m:.4g} … {self.B_M:.4g}", ", ".join(f"{u:.4g}" for u in self.outside)
         if self.needed:
             return f"yes: A's B leaves the range that the gains were made for ({made}) at {at}"
@@ -131,8 +140,10 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 
     @property
     def changed(self) -> bool:
-        """Whether T_s, the held output or the peak moved, in the mean or at some levels, against any of the others."""
-        return any(one.quantity in CLAIMED and one.changed for one in self.shifts)
+        """Whether T_s, the held output or the peak moved, in the mean or at some levels, against any of the others; or
+        the dead time, or C."""
+        plant = any(one.code == "plant-moved" for one in self.findings)
+        return plant or any(one.quantity in CLAIMED and one.changed for one in self.shifts)
 
     @property
     def tune_anew(self) -> bool | None:
@@ -166,6 +177,13 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
         return pandas.DataFrame([{"quantity": of, "against": other, **asdict(level)} for of, other, level in rows])
 
 
+def _margins_said(one: Margin) -> str:
+    if not one.stable:
+        return "unstable"
+    parts = ((one.gain_db, "dB"), (one.phase_deg, "°"))
+    return " and ".join(f"{value:.2g} {unit}".replace(" °", "°") for value, unit in parts if value is not None)
+
+
 def _pct(ratio: float) -> str:
     pct = 100 * (ratio - 1)
     return f"{pct:+.{0 if abs(pct) >= 9.95 else 1}f}".replace("-", "−")
@@ -173,7 +191,7 @@ def _pct(ratio: float) -> str:
 
 def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareOptions) -> Comparison:
     """The first session against each of the others; DataError where they are not of one rig, or share no level."""
-    told = together(fits)
+    told = list(together(fits))
     if unknown := [name for name, fit in fits.items() if not values_of(fit, "Ts", name)]:
         raise DataError(f"{unknown[0]}: {NO_INTERVAL}")
     letters, shifts = dict(zip(fits, ascii_uppercase, strict=False)), list[Shift]()
@@ -184,6 +202,7 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
         if not any(one.quantity == "Ts" for one in found):
             raise DataError(f"{name}: shares no level with {first} at which both know T_s; record one that it holds")
         shifts += found
+        told += plant_moved(letters[name], fits[first], fits[name])
     p, p_alike = holm([one.p for one in shifts]), holm([1.0 if one.p_alike is None else one.p_alike for one in shifts])
     held = [replace(one, p=p[k], p_alike=None if one.p_alike is None else p_alike[k]) for k, one in enumerate(shifts)]
     data = fits[first].data
@@ -193,6 +212,20 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
         values={letter: tuple(values_of(fits[name], "Ts", letter)) for name, letter in letters.items()},
         retune=None if gains is None else _retune(fits[first], gains), findings=tuple(told),
     )  # fmt: skip
+
+
+def plant_moved(letter: str, one: Fit, other: Fit) -> list[Finding]:
+    """Said where the dead time or the share of the fast part is not another session's, which no level tells."""
+    if one.plant_ is None or other.plant_ is None:
+        return []
+    found = []
+    for name, symbol, unit, apart in (("dead_time_s", "dead time", " s", LEAST_LATE), ("C", "C", "", LEAST_SHARE)):
+        (a, a_ends), (b, b_ends) = ((getattr(p, name), getattr(p.ci95, name, None)) for p in (one.plant_, other.plant_))
+        (a_low, a_high), (b_low, b_high) = a_ends or (a, a), b_ends or (b, b)
+        least = apart * (float(one.plant.time_constants(one.plant.u_range[1])[0]) if name != "C" else 1.0)
+        if (a_low > b_high or b_low > a_high) and abs(a - b) > least:
+            found.append(finding("plant-moved", f"A against {letter}", (), what=symbol, a=a, b=b, unit=unit))
+    return found
 
 
 def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
@@ -275,4 +308,21 @@ def _retune(fit: Fit, gains: Gains) -> Retune:
         )
 
     sure, unsure = beyond(1.0), beyond(0.5)
-    return Retune(B_m, B_M, True if sure else None if unsure else False, sure or unsure or out)
+    lacking = lacking_loops(fit, gains)
+    return Retune(B_m, B_M, True if sure or lacking else None if unsure else False, sure or unsure or out, lacking)
+
+
+def lacking_loops(fit: Fit, gains: Gains) -> dict[str, Margin]:
+    """The loops of gains that were made with 6 dB and 45°, and lack them on the plant of a fit behind its dead time."""
+    plant, made = plant_of(fit), gains.margins
+    if plant is None or made is None:
+        return {}
+    points = points_of(fit, plant, gains.model, (), input_limits(fit))
+    rate_hz = made.timing.rate_hz
+    late = max(made.timing.delay_samples, fit.latest_dead_time_s * rate_hz)
+    timing, found = replace(made.timing, delay_samples=late), dict[str, Margin]()
+    for name, worst in made.worst.items():
+        if enough(worst) and (law := law_of(gains, name)) is not None:
+            least = least_margins(law, points, timing)
+            found |= {} if enough(least) else {name: least}
+    return found

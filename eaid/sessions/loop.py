@@ -1,8 +1,9 @@
 """Does a recorded loop do what its fit and gains promise: error and overshoot against the replay with its interval.
 
 The log's own reference is replayed by the loop that ran, on the fitted plant and on drawn ones (or a replay is given);
-a promise is kept where the recorded number is not above the upper end of what 95 % of the plants do. White noise of
-the sensor, by the scatter from sample to sample, is taken off the recorded numbers: the replay has none.
+a promise is kept where the recorded number is not above the upper end of what 95 % of the plants do. Recorded numbers
+stand as they are read; the replay has no noise, so that the sensor's, by the scatter from sample to sample, is added to
+what was promised. Where it hides the error, nothing is better than promised.
 """
 
 import numpy as np
@@ -17,6 +18,7 @@ from eaid.results.gains import Gains
 from eaid.results.replay import Record, Replay
 from eaid.steps.noise import block_noise
 
+HIDES = 0.1  # Part of the recorded error's square from which noise hides it
 ROUNDED_S = 1e-9  # Of a time stamp
 
 
@@ -108,12 +110,16 @@ def _rows(run: Run, record: Record, noise: float, from_s: float) -> tuple[Kept, 
     error = np.abs(run.reference_nm - run.output)[counted]
     spread = record.metrics.plants.metrics if record.metrics.plants is not None else {}
     peak_of_noise = noise * float(np.sqrt(2 * np.log(len(error))))  # what the largest of so many samples lies off by
-    rms, largest = float(np.sqrt(max(np.mean(error**2) - noise**2, 0.0))), max(float(error.max()) - peak_of_noise, 0.0)
+    rms, largest = float(np.sqrt(np.mean(error**2))), float(error.max())
+    hides = noise**2 > HIDES * rms**2
     rows = []
     for key, name, recorded in (("rms_error_nm", "RMS error", rms), ("max_abs_error_nm", "largest error", largest)):
-        one = spread.get(key)
-        ends = () if one is None else (one.low, one.high)
-        rows.append(Kept(name, recorded, getattr(record.metrics, key) or 0.0, *ends))
+        one, promised = spread.get(key), getattr(record.metrics, key) or 0.0
+        numbers: list[float] = [promised] if one is None else [promised, one.low or 0.0, one.high or 0.0]
+        read = [float(np.hypot(n, noise)) if key == "rms_error_nm" else n + peak_of_noise for n in numbers]
+        if hides and one is not None:
+            read[1] = min(read[1], recorded)
+        rows.append(Kept(name, recorded, *read))
     band, own = record.tables.get("plants/band_nm"), record.columns
     peak = max(float(own["torque_nm"].max() - own["reference_nm"].max()), 0.0)
     low, high = (None, None) if band is None else (max(float(band[k].max()) - top, 0.0) for k in (1, 5))

@@ -63,6 +63,11 @@ ROWS: dict[str, Row] = {
         "record a level of the others in each session"
     ),
     "several-sessions": caution(_one_of_several, always=True, rank=1, first="fit each session by itself"),
+    "plant-moved": caution(
+        "{subject}: {what} {a:.3g}{unit} for {b:.3g}{unit}, which T_s of no level tells: loops that were made for the "
+        "other are not made for this",
+        rank=-1,
+    ),
     "for-this-mounting": note(
         "of one session: {what} hold for this mounting; fits of three and more, held together by `eaid sessions`, tell "
         "what holds for the next"
