@@ -115,11 +115,12 @@ def _rows(run: Run, record: Record, noise: float, from_s: float) -> tuple[Kept, 
     rows = []
     for key, name, recorded in (("rms_error_nm", "RMS error", rms), ("max_abs_error_nm", "largest error", largest)):
         one, promised = spread.get(key), getattr(record.metrics, key) or 0.0
-        numbers: list[float] = [promised] if one is None else [promised, one.low or 0.0, one.high or 0.0]
-        read = [float(np.hypot(n, noise)) if key == "rms_error_nm" else n + peak_of_noise for n in numbers]
-        if hides and one is not None:
-            read[1] = min(read[1], recorded)
-        rows.append(Kept(name, recorded, *read))
+        low, high = (promised, promised) if one is None else (one.low or 0.0, one.high or 0.0)
+        if key == "rms_error_nm":
+            promised, low, high = np.hypot([promised, low, high], noise).tolist()
+        else:  # which may lie where the noise does not
+            high += peak_of_noise
+        rows.append(Kept(name, recorded, promised, min(low, recorded) if hides else low, high))
     band, own = record.tables.get("plants/band_nm"), record.columns
     peak = max(float(own["torque_nm"].max() - own["reference_nm"].max()), 0.0)
     low, high = (None, None) if band is None else (max(float(band[k].max()) - top, 0.0) for k in (1, 5))
