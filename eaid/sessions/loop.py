@@ -118,9 +118,9 @@ def _rows(run: Run, record: Record, noise: float, from_s: float) -> tuple[Kept, 
         low, high = (promised, promised) if one is None else (one.low or 0.0, one.high or 0.0)
         if key == "rms_error_nm":
             promised, low, high = np.hypot([promised, low, high], noise).tolist()
-        else:  # which may lie where the noise does not
-            high += peak_of_noise
-        rows.append(Kept(name, recorded, promised, min(low, recorded) if hides else low, high))
+        else:  # where the noise of that instant may add to it, or not
+            low, high = low - peak_of_noise, high + peak_of_noise
+        rows.append(Kept(name, recorded, promised, max(min(low, recorded) if hides else low, 0.0), high))
     band, own = record.tables.get("plants/band_nm"), record.columns
     peak = max(float(own["torque_nm"].max() - own["reference_nm"].max()), 0.0)
     low, high = (None, None) if band is None else (max(float(band[k].max()) - top, 0.0) for k in (1, 5))
