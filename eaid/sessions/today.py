@@ -45,6 +45,10 @@ def reading_of(rig: Rig, given: ReadOptions | None) -> ReadOptions:
     return chosen(ReadOptions, None, {**kept, **(given.stated() if given is not None else {})})
 
 
+# A dead time of a step is not the rig's from so much of τ1 on; factor by which τ1 of a run may lie off the plant's
+LATE_PART, TAU_SCATTER = 0.1, 1.05
+
+
 def today(rig: Rig, step: Fit | StepSet) -> Fit:
     """`eaid.today`: DataError for a rig of a plain table, or steps of another rig or of its own sessions."""
     base = rig.base
@@ -80,10 +84,30 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
         LevelResponse(u, 0, **values, ci95=ResponseIntervals(ends.get("held"), ends.get("peak")))
         for k, u in enumerate(levels.tolist()) for values, ends in (_at(foreseen, RESPONSES, k),)
     ]  # fmt: skip
-    told = ranked((*_told(rig, steps["Ts"], foreseen), *stops(shown.findings)))
+    moved = plant_moved(base, shown)
+    if late := [one for one in moved if one.values["what"] == "dead time"]:  # which is today's, seen in the step
+        seen_s = float(late[0].values["a"])  # type: ignore[arg-type]
+        made = replace(made, plant_=None if made.plant_ is None else replace(made.plant_, dead_time_s=seen_s))
+    told = ranked((*_told(rig, steps["Ts"], foreseen), *moved, *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
     replayed = () if isinstance(step, Fit) else of_own_logs(made, step.logs)
     return replace(made, parameters=parameters_of(made), data=replace(data, replayed=replayed))
+
+
+def plant_moved(base: Fit, shown: Fit) -> list[Finding]:
+    """Said where a reference step shows another dead time or τ1 than the rig's plant has, which no T_s tells."""
+    if base.plant_ is None or base.plant.zeta is not None:
+        return []
+    found, plant = dict[str, Finding](), base.plant
+    for row in shown.friction_levels:
+        own, known = float(plant.time_constants(row.level)[0]), row.ci95.tau1 if row.ci95 is not None else None
+        if abs(row.delay_s - plant.dead_time_s) > LATE_PART * own:
+            late = finding("plant-moved", "today", what="dead time", a=row.delay_s, b=plant.dead_time_s, unit=" s")
+            found.setdefault("dead time", late)
+        if known is not None and not known[0] / TAU_SCATTER < own < known[1] * TAU_SCATTER:
+            slow = finding("plant-moved", "today", what=f"τ1 at {row.level:.4g}", a=row.tau1, b=own, unit=" s")
+            found.setdefault("tau1", slow)
+    return list(found.values())
 
 
 def _fitted(base: Fit, steps: StepSet) -> Fit:

@@ -1,5 +1,7 @@
 """A fit of today: by reference steps, with the intervals of the next session, taken by every later command."""
 
+from dataclasses import replace as changed
+
 import msgspec
 import numpy as np
 import pandas as pd
@@ -198,3 +200,19 @@ def fits_again(make):
     """The logs of the first session once more."""
     rng = np.random.default_rng(11)
     return make(0, *rng.normal(0, (0.3, 0.3)))
+
+
+def test_a_lag_or_dead_time_that_the_step_alone_shows_is_told(rig, step):
+    """Half as slow again, or 80 ms late: tight intervals about last week's, and margins of 25 dB for a loop without."""
+    (one,), late_s = step.levels, 0.08
+    row_s = float(one.time_s[1] - one.time_s[0])
+    rows = round(late_s / row_s)
+    late = np.pad(one.runs, ((0, 0), (rows, 0)), mode="constant")[:, : len(one.time_s)]
+    rises = [changed(each, output=np.r_[np.zeros(rows), each.output[:-rows]]) for each in step.level_steps]
+    told = eaid.today(rig, changed(step, levels=(changed(one, runs=late),), level_steps=tuple(rises)))
+    moved = codes(told)["plant-moved"]
+    assert moved.values["what"] == "dead time" and told.dead_time_s == pytest.approx(late_s, abs=0.02)
+    slower = changed(one, time_s=1.6 * one.time_s)
+    slow = eaid.today(rig, changed(step, levels=(slower,), level_steps=()))
+    assert "τ1 at 60" in codes(slow)["plant-moved"].values["what"]
+    assert "plant-moved" not in codes(eaid.today(rig, step))
