@@ -6,6 +6,7 @@ into the τ curves of the joint fit; its intervals count what separates it from 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import msgspec
@@ -35,7 +36,6 @@ from eaid.levels.friction import (
 )
 from eaid.levels.from_steps import Solution, textbook_covariance
 from eaid.levels.slow_part import slow_part
-from eaid.levels.torque_curve import BEYOND_CHANCE
 from eaid.levels.unseen import leave_levels_out
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
@@ -44,6 +44,8 @@ from eaid.results import models as results
 from eaid.results.common import HoldOut, LevelError, Solver
 from eaid.steps.stepset import Level, StepSet
 
+# Chance to be surpassed from which levels have a time constant each by itself, and from which their curve is less sure
+LAG_BEYOND, LAG_WIDER = 0.99, 0.95
 LAG_OFF = 0.08  # Part of a time constant by which a curve that misses its level's own is warned of
 ROUNDED = 1e-12  # Of ln T_s, by which a level's own value is that of the curve
 NO_PART = 1e-3  # Of a value, by which the joint fit's may differ and nothing is said
@@ -109,13 +111,13 @@ def nonlinear_part(
     p = estimate.plant(options)
     part = of_steps(p, free, data, level_residuals(_curves(p, levels), data.records), solver, held_out)
     papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
-    misfit, bent = misfits(estimate, through)
+    misfit, bent, wider = misfits(estimate, through)
     lags = [name for name in bent if name != "Ts"]
     part = msgspec.structs.replace(part, misfit=misfit or None)
     turn, u = map_unknowns(model), data.u
     covariance = turn @ estimate.influence.covariance() @ turn.T
     one = Standing(part, estimate.coefficients, estimate.held, covariance, estimate.intervals(u))
-    one = count_misfits(one, free, {name: misfit[name] for name in lags})
+    one = count_misfits(one, free, {name: misfit[name] for name in wider})
     parts = joint_findings(papers, one, levels, options.estimator)
     if options.estimator == "joint":
         one, solver = take_joint(papers, joint, estimate), joint.solver
@@ -320,12 +322,12 @@ def take_draws(one: Standing, estimate: Estimate, u: Array, draws: Array) -> Sta
     return replace(one, covariance=covariance, ends=drawn_ends(estimate.numbers(u, one.unknowns)[0], near, one.ends[2]))
 
 
-def misfits(estimate: Estimate, through: bool) -> tuple[dict[str, float], list[str]]:
-    """χ² of the levels about each polynomial over its degrees of freedom, and those where that is beyond chance; T_s
-    may go `through` the levels."""
+def misfits(estimate: Estimate, through: bool) -> tuple[dict[str, float], list[str], list[str]]:
+    """χ² of the levels about each polynomial over its degrees of freedom, and those where that is beyond chance, T_s
+    among them unless it goes `through` the levels; and time constants where it is likely to be."""
     seen = estimate.scatter
     found = {} if estimate.curve.misfit is None else {"Ts": estimate.curve.misfit}
-    beyond = ["Ts"] if estimate.curve.widened > 1 and not through else []
+    beyond, wider = ["Ts"] if estimate.curve.widened > 1 and not through else [], list[str]()
     _, slopes = estimate.numbers(seen.duty, estimate.coefficients)
     for k, name in enumerate(CURVES[1:], 1):
         known = seen.usable[:, k] & (seen.repeats > 1)
@@ -335,9 +337,10 @@ def misfits(estimate: Estimate, through: bool) -> tuple[dict[str, float], list[s
             of_curve = estimate.influence.of(slopes[k, known]).variance()[0]
             off = seen.shift[known, k] ** 2 / (seen.pooled.expected[known, k] + of_curve)
             found[name] = float(off.sum()) / spare
-            if found[name] > fdtri(spare, max(seen.degrees / 2, 1.0), BEYOND_CHANCE):
-                beyond.append(name)
-    return found, beyond
+            by_chance = partial(fdtri, spare, max(seen.degrees / 2, 1.0))
+            beyond += [name] if found[name] > by_chance(LAG_BEYOND) else []
+            wider += [name] if found[name] > by_chance(LAG_WIDER) else []
+    return found, beyond, wider
 
 
 def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]:
