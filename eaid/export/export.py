@@ -50,6 +50,9 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
     for law in ("plant", "inverse"):
         if options.law is None and (what := source.left_out(law)):
             yield finding("export-left-out", law, what=what)
+    if source.fit is not None and any(one.code == "signs-turned" for one in source.fit.findings):
+        idle = 0.0 if source.plant is None else source.plant.idle
+        yield finding("export-sign-turned", "torque", idle=idle, unit=source.units[1])
     if {"pi", "rc"} & set(laws) and source.gains is not None:
         yield from _gains(source, source.gains, laws, rate_hz)
     if {"inverse", "plant"} & set(laws):

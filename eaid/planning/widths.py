@@ -236,7 +236,7 @@ class FittedRig:
         low, top = self.plant.at(min(self.levels)), self.plant.at(max(self.levels))
         tau2 = low.tau2 if self.fit.release is None else self.fit.release.tau2
         left = (1 - self.share) * top.Ts / max(LEFT_OF_LEAST * low.Ts, 1e-300)
-        most = max(LONGEST_REST_S, *self.fit.data.record_s)  # a slow part that no record shows has no end
+        most = max((LONGEST_REST_S, *self.fit.data.record_s))  # a slow part that no record shows has no end
         return min(tau2 * float(np.log(max(left, 1.0))), most)
 
     def rests(self, session: PlanOptions) -> tuple[float, float]:

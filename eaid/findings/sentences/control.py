@@ -200,6 +200,11 @@ ROWS: dict[str, Row] = {
         "the replayed plant has no hysteresis, and the fit's is {excess_pct:.2g} %: only logs are played with it"
     ),
     "export-no-hysteresis": caution("the exported {subject} has no hysteresis, and the fit's is {excess_pct:.2g} %"),
+    "export-sign-turned": caution(
+        "the fit counts the output with its sign turned, as it falls where the input rises: `torque` is {idle:.4g} "
+        "{unit} less what the rig measures, not that itself",
+        rank=-1,
+    ),
     "export-from-rest": note("the {subject} counts its output from rest, where the rig's is {idle:.4g} {unit}"),
     "export-no-release": caution(
         "no release was fitted: how the output falls to rest is an assumption of the {subject}"
