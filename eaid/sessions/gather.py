@@ -19,6 +19,8 @@ from eaid.results.fit import Fit
 from eaid.results.models import CurveLevel, LevelIntervals
 from eaid.shown import pandas
 
+RIG = "the rig"  # What a fit of today is held against, which says itself what it foresees
+NO_RIG = 30.0  # Factor between the largest T_s of two sessions that is another unit: mountings differ by 4
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
 MANY = 1e9  # Degrees of freedom of what is known for certain
@@ -126,10 +128,24 @@ def together(fits: Mapping[str, Fit]) -> list[Finding]:
         if both := [(path, before) for path, before in held if before != name]:
             (path, before), more = both[0], f" (and {len(both) - 1} more)" if len(both) > 1 else ""
             faults.append(f"{name}: holds {path}{more}, which {before} holds too; a log is of one session")
+    for name in others:
+        size = _times(fits[first], fits[name])
+        if first != RIG and not 1 / NO_RIG <= size <= NO_RIG:
+            faults.append(
+                f"{name}: its T_s is {size:.3g} times that of {first}, which no mounting makes of a rig: was one of "
+                "them recorded in another unit? say it with «units» output=UNIT where it is fitted"
+            )
     if faults:
         raise DataError(*faults)
     unusable = {name: fit.verdict.sentence for name, fit in fits.items() if not fit.verdict.usable}
     return [finding("session-not-usable", name, why=why) for name, why in unusable.items()]
+
+
+def _times(first: Fit, fit: Fit) -> float:
+    """By what factor T_s of a fit lies above that of another at the levels that both hold; 1 where there are none."""
+    at, known = ([(row.level, row.Ts) for row in one.level_values if row.Ts and row.level > 0] for one in (first, fit))
+    rows = [b / a for u, a in at for v, b in known if abs(np.log(v / u)) < LEVELS_SAME]
+    return float(np.median(rows)) if rows else 1.0
 
 
 def _conditions(fit: Fit) -> dict[str, str | None]:

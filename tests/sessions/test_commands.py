@@ -94,7 +94,7 @@ def test_levels_of_a_real_clutch_from_three_sittings_are_told_apart_and_no_refer
     for command in commands:
         run_eaid(*(one for word in shlex.split(command) for one in sorted(glob(word)) or [word]))
     t_s = {row.level: row.Ts for k in (1, 2) for row in eaid.load(f"{k}.json").level_values}
-    assert t_s[250.0] == pytest.approx(t_s[225.0], rel=0.01)  # what the days hide
+    assert t_s[250.0] == pytest.approx(t_s[225.0], rel=0.04)  # what the days hide
     (block,) = blocks(OF_A_CLUTCH)
     ran = shows(run_eaid, block)
     assert "levels and sessions are confounded" in ran.err and "one step" not in ran.out
