@@ -69,8 +69,10 @@ ROWS: dict[str, Row] = {
         rank=-1,
     ),
     "for-this-mounting": note(
-        "of one session: {what} hold for this mounting; fits of three and more, held together by `eaid sessions`, tell "
-        "what holds for the next"
+        lambda v: (
+            f"of one session: {v.get('what', 'gains, guarantee and margins')} hold for this mounting; fits of three and "
+            "more, held together by `eaid sessions`, tell what holds for the next"
+        )
     ),
     "for-today": note(
         "T_s within ×/÷ {factor:.3g} at the worst level, without the steps ×/÷ {without:.3g} (by {sessions} sessions "
