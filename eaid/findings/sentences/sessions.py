@@ -70,8 +70,8 @@ ROWS: dict[str, Row] = {
     ),
     "for-this-mounting": note(
         lambda v: (
-            f"of one session: {v.get('what', 'gains, guarantee and margins')} hold for this mounting; fits of three and "
-            "more, held together by `eaid sessions`, tell what holds for the next"
+            f"of one session: {v.get('what', 'gains, guarantee and margins')} hold for this mounting; fits of three "
+            "and more, held together by `eaid sessions`, tell what holds for the next"
         )
     ),
     "for-today": note(
