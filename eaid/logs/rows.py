@@ -42,7 +42,7 @@ def checked(
         raise DataError(
             f"{source}: {repeated} of {count} rows repeat the time of the row before, from {at(int(fine[late[0]]))} "
             "on: its stamps have too few digits, or rows were written twice; save each row once, with all digits, or "
-            "leave the time out and give the sample rate with «rate_hz»"
+            "give the sample rate with «rate_hz»"
         )
     jumps = np.flatnonzero(np.diff(rising) <= 0) + 1
     set_back = len(late) > 5 * len(jumps)  # the clock was set back, and went on

@@ -25,6 +25,7 @@ from eaid.options import ReadOptions
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
 LARGEST_READING = 1e100
 LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit
+TOO_COARSE = 0.2  # Part of the stamps that repeat the one before, from which they tell no time
 MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
@@ -140,10 +141,12 @@ def without_switches(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
 
 
 def _clock(source: str, table: Table, roles: Roles, options: ReadOptions) -> int | None:
-    """The column of the time; None where the user gives the rate of rows that nothing but numbers them."""
+    """The column of the time; None where the user gives the rate of rows that nothing but numbers them, or whose stamps
+    have too few digits to tell one from the next."""
     if roles.time is None or options.rate_hz is None:
         return roles.time
-    if numbers_samples(table.columns[roles.time]):
+    stamps = _loaded(source, table, [roles.time])[1][roles.time]
+    if numbers_samples(table.columns[roles.time]) or np.mean(np.diff(stamps) == 0) > TOO_COARSE:
         return None
     raise DataError(f"{source}: has a time column, {table.label(roles.time)}, so «rate_hz» does nothing; leave it out")
 

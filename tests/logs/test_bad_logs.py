@@ -162,7 +162,7 @@ BAD: dict[str, tuple[Any, ...]] = {
                           "thousands, as three digits follow every one; save it with decimal points"),
     "few-digits.csv": (column(0, lambda i, t: f"{t:.1f}"), "179 of 200 rows repeat the time of the row before, from "
                        "row 3 on: its stamps have too few digits, or rows were written twice; save each row once, with "
-                       "all digits, or leave the time out and give the sample rate with --rate-hz"),
+                       "all digits, or give the sample rate with --rate-hz"),
     "set-back.csv": (column(0, lambda i, t: t - 0.5 * (i > 99)), "time falls at row 102 (0.5 s after 0.99 s); split "
                                                                  "the log where its clock was set back"),
     "set-back-in-ms.csv": (column(0, lambda i, t: 1e3 * (t - 0.5 * (i > 99)), "time_ms,duty_pct,torque_nm"), "time "

@@ -204,3 +204,17 @@ def test_a_clock_in_a_finer_unit_is_asked_about_without_filling_the_memory(start
     (tmp_path / "a.csv").write_text(text("time,duty_pct,torque_nm", stamps, 60 * on, y))
     ran = run_eaid("ingest", tmp_path / "a.csv", "-o", tmp_path / "d.h5")
     assert ran.code == 3 and "say --units time=ns, or time=s if it lasts" in ran.err
+
+
+def test_a_rate_takes_the_place_of_stamps_of_whole_seconds():
+    """The advice was to give the rate, and then that the log has a time column."""
+    t = np.arange(600) / 50.0
+    duty = np.where(t >= 2, 60.0, 0.0)
+    torque = np.where(t >= 2, -2.0 * np.expm1(-(t - 2) / 0.3), 0.0) + 1e-3 * np.sin(1e4 * t)
+    log = pd.DataFrame({"time_s": np.floor(t), "duty_pct": duty, "torque_nm": torque})
+    with pytest.raises(eaid.DataError, match=r"give the sample rate with rate_hz="):
+        eaid.read(log)
+    (level,) = eaid.read(log, rate_hz=50.0).levels
+    assert level.time_s[1] == pytest.approx(0.02)
+    with pytest.raises(eaid.DataError, match="does nothing"):
+        eaid.read(log.assign(time_s=t), rate_hz=50.0)

@@ -70,7 +70,9 @@ def tables(results: Results) -> tuple[Table, ...]:
         part = results.main_fit.nonlinear
         curve = "T_s(u) goes through them" if part and part.Ts_through else "the model's one curve may pass beside them"
         own = part is not None and len(results.main_fit.friction_levels) > 1
-        whose = f"Each level's own; {curve}." if own else ""
+        apart = any(one.values.get("lag") for one in results.main_fit.findings if one.code == "polynomials-too-low")
+        lags = "τ1 and τ2, too" if apart else "τ1 and τ2 are the curves'"
+        whose = f"T_s is each level's own; {curve}; {lags}." if own else ""
         found.append(Table("Values with 95 % intervals", whose, columns(*heads), tuple(map(tuple, cells[1:]))))
     if results.gains:
         whole = controllers_table(results.gains[0].result)  # but for the gains themselves
