@@ -35,8 +35,8 @@ from eaid.steps.stepset import Level
 
 SETTLING_ROWS = 20  # Rows before one value, and after it, that tell whether an output came to rest there
 BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the numbers stand
-# Steps of the sensor in a change below which its shape cannot be told, but where noise moves such a part of the rows, of
-# all but such a part of the runs
+# Steps of the sensor in a change below which its shape cannot be told, but where noise moves such a part of the rows
+# of all but such a part of the runs
 COARSE_STEPS, DITHERED, STILL_PART = 25, 0.3, 0.25
 FEWEST_CREEPS, CREEP_ERRORS, CREEP_PCT = 4, 6.0, 2.0  # Rises, standard errors of their slope, % of the least in a hold
 FLAT = 0.4  # Sharpness from which a rise is cut off and not settling
