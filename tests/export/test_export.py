@@ -6,10 +6,12 @@ import re
 import shutil
 from pathlib import Path
 
+import msgspec
 import pytest
 import yaml
 
 import eaid
+from eaid.findings import finding
 
 from .conftest import LAWS, PAPER, PLANT, compiled, fit_of, gains_of, merged, ran
 
@@ -28,6 +30,14 @@ def test_gains_and_fit_give_all_laws_in_one_folder(tmp_path):
     assert codes(made) == ["export-guarantee-holds"]
     assert (tmp_path / "rig" / "eaid_control.h").read_text().count("digest ") == 2
     assert codes(eaid.export(None, tmp_path / "plant", fit_of(release=None))) == ["export-no-release"]
+
+
+def test_a_turned_sign_is_said_with_what_torque_is(tmp_path):
+    """A brake whose output falls: fed with what the rig measures, its law gives nothing."""
+    fit = fit_of()
+    turned = msgspec.structs.replace(fit, findings=(*fit.findings, finding("signs-turned", "data", runs=3)))
+    made = eaid.export(None, tmp_path / "plant", turned)
+    assert "export-sign-turned" in codes(made) and "less what the rig measures" in (made.path / "README.md").read_text()
 
 
 @pytest.mark.slow

@@ -226,3 +226,9 @@ def test_a_replay_is_kept_by_its_own_record(loop, tmp_path):
         assert row.recorded == pytest.approx(row.promised, rel=1e-2, abs=1e-2)
     with pytest.raises(eaid.UsageError, match="give the gains that it ran with"):
         eaid.compare(fit, tmp_path / "loop.csv")
+
+
+def test_a_session_in_another_unit_is_no_mounting(before, make):
+    """mN·m called N·m: the next session was foreseen within ×/÷ 144,000, without a word."""
+    with pytest.raises(eaid.DataError, match="times that of A, which no mounting makes of a rig: was one of them"):
+        eaid.compare(before, eaid.fit(make(37, np.log(1000.0))))
