@@ -149,11 +149,7 @@ def nonlinear_part(
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     told += missed("nonlinear", data, level_residuals(_curves(one.part.parameters, levels), data.records), one.part)
     seen = estimate.scatter if options.estimator != "joint" else None
-    told += [
-        *level_findings(own, seen, "nonlinear", stepset),
-        *open_findings(one.part, own),
-        *scattered,
-    ]
+    told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *scattered]
     estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
     scatter = estimate.level_scatter if options.estimator != "joint" else None
     unseen, worse = leave_levels_out(estimate, options) if options.estimator != "joint" else (None, [])

@@ -142,8 +142,13 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     def changed(self) -> bool:
         """Whether T_s, the held output or the peak moved, in the mean or at some levels, against any of the others; or
         the dead time, or C."""
-        plant = any(one.code == "plant-moved" for one in self.findings)
-        return plant or any(one.quantity in CLAIMED and one.changed for one in self.shifts)
+        return bool(self.plant_words) or any(one.quantity in CLAIMED and one.changed for one in self.shifts)
+
+    @property
+    def plant_words(self) -> list[tuple[str, str]]:
+        """Of a dead time and a C that are others: `A against B` and `dead time 0.06 s for 0 s`."""
+        said = "{what} {a:.3g}{unit} for {b:.3g}{unit}"
+        return [(one.subject, said.format(**one.values)) for one in self.findings if one.code == "plant-moved"]
 
     @property
     def tune_anew(self) -> bool | None:
@@ -163,6 +168,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
         said = [f"{letter}       {name}" for letter, name in self.files.items()]
         told = (one for one in self.shifts if one.quantity in CLAIMED or one.changed)
         said += [f"{'moved  ' if one.changed else 'same   '} A against {one.against}: {one.words()}" for one in told]
+        said += [f"moved   {subject}: {words}" for subject, words in self.plant_words]
         if self.files:
             said.append(f"retune  {self.retuning}")
         return said + (self.promise.lines() if self.promise is not None else [])
@@ -180,8 +186,8 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 def _margins_said(one: Margin) -> str:
     if not one.stable:
         return "unstable"
-    parts = ((one.gain_db, "dB"), (one.phase_deg, "°"))
-    return " and ".join(f"{value:.2g} {unit}".replace(" °", "°") for value, unit in parts if value is not None)
+    parts = ((one.gain_db, " dB"), (one.phase_deg, "°"))
+    return " and ".join(f"{value:.2g}{unit}" for value, unit in parts if value is not None)
 
 
 def _pct(ratio: float) -> str:
@@ -191,7 +197,7 @@ def _pct(ratio: float) -> str:
 
 def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareOptions) -> Comparison:
     """The first session against each of the others; DataError where they are not of one rig, or share no level."""
-    told = list(together(fits))
+    told = together(fits)
     if unknown := [name for name, fit in fits.items() if not values_of(fit, "Ts", name)]:
         raise DataError(f"{unknown[0]}: {NO_INTERVAL}")
     letters, shifts = dict(zip(fits, ascii_uppercase, strict=False)), list[Shift]()

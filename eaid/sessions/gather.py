@@ -20,7 +20,7 @@ from eaid.results.models import CurveLevel, LevelIntervals
 from eaid.shown import pandas
 
 RIG = "the rig"  # What a fit of today is held against, which says itself what it foresees
-NO_RIG = 30.0  # Factor between the largest T_s of two sessions that is another unit: mountings differ by 4
+NO_RIG = 30.0  # Factor between T_s of two sessions that is another unit: mountings differ by 4
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
 MANY = 1e9  # Degrees of freedom of what is known for certain

@@ -35,6 +35,8 @@ from eaid.steps.stepset import StepSet
 
 NOT_FITTED = dict.fromkeys(("solver", "samples", "rmse", "sse", "fit_pct", "R2"))
 INPUTS_DRAWN = 11  # Over the range, beside the levels, through which a curve is put
+# Part of τ1 by which a step's dead time may lie off the plant's; factor by which its τ1 may lie off τ1's interval
+LATE_PART, TAU_SCATTER = 0.1, 1.05
 Foreseen = Mapping[str, Next]  # What the sessions know, by its name
 
 
@@ -43,10 +45,6 @@ def reading_of(rig: Rig, given: ReadOptions | None) -> ReadOptions:
     before = rig.base.options.reading if rig.base is not None else {}
     kept = {name: value for name, value in before.items() if name not in ("levels", "repair")}
     return chosen(ReadOptions, None, {**kept, **(given.stated() if given is not None else {})})
-
-
-# A dead time of a step is not the rig's from so much of τ1 on; factor by which τ1 of a run may lie off the plant's
-LATE_PART, TAU_SCATTER = 0.1, 1.05
 
 
 def today(rig: Rig, step: Fit | StepSet) -> Fit:
@@ -84,30 +82,30 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
         LevelResponse(u, 0, **values, ci95=ResponseIntervals(ends.get("held"), ends.get("peak")))
         for k, u in enumerate(levels.tolist()) for values, ends in (_at(foreseen, RESPONSES, k),)
     ]  # fmt: skip
-    moved = plant_moved(base, shown)
-    if late := [one for one in moved if one.values["what"] == "dead time"]:  # which is today's, seen in the step
-        seen_s = float(late[0].values["a"])  # type: ignore[arg-type]
-        made = replace(made, plant_=None if made.plant_ is None else replace(made.plant_, dead_time_s=seen_s))
+    late_s, moved = plant_in_steps(base, shown)
+    if made.plant_ is not None and late_s is not None:
+        made = replace(made, plant_=replace(made.plant_, dead_time_s=late_s))
     told = ranked((*_told(rig, steps["Ts"], foreseen), *moved, *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
     replayed = () if isinstance(step, Fit) else of_own_logs(made, step.logs)
     return replace(made, parameters=parameters_of(made), data=replace(data, replayed=replayed))
 
 
-def plant_moved(base: Fit, shown: Fit) -> list[Finding]:
-    """Said where a reference step shows another dead time or τ1 than the rig's plant has, which no T_s tells."""
+def plant_in_steps(base: Fit, shown: Fit) -> tuple[float | None, list[Finding]]:
+    """What reference steps show of the plant that no T_s tells: a dead time other than its own [s], None where it is
+    that; with what is said of it, and of τ1 outside its interval."""
     if base.plant_ is None or base.plant.zeta is not None:
-        return []
-    found, plant = dict[str, Finding](), base.plant
+        return None, []
+    late_s, found, plant = None, dict[str, Finding](), base.plant
     for row in shown.friction_levels:
         own, known = float(plant.time_constants(row.level)[0]), row.ci95.tau1 if row.ci95 is not None else None
-        if abs(row.delay_s - plant.dead_time_s) > LATE_PART * own:
-            late = finding("plant-moved", "today", what="dead time", a=row.delay_s, b=plant.dead_time_s, unit=" s")
-            found.setdefault("dead time", late)
+        if late_s is None and abs(row.delay_s - plant.dead_time_s) > LATE_PART * own:
+            late_s, known_s = row.delay_s, plant.dead_time_s
+            found["dead time"] = finding("plant-moved", "today", what="dead time", a=late_s, b=known_s, unit=" s")
         if known is not None and not known[0] / TAU_SCATTER < own < known[1] * TAU_SCATTER:
             slow = finding("plant-moved", "today", what=f"τ1 at {row.level:.4g}", a=row.tau1, b=own, unit=" s")
             found.setdefault("tau1", slow)
-    return list(found.values())
+    return late_s, list(found.values())
 
 
 def _fitted(base: Fit, steps: StepSet) -> Fit:

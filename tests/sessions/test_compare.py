@@ -150,7 +150,7 @@ def before_again(fit):
     return msgspec.structs.replace(fit, data=msgspec.structs.replace(fit.data, sources=sources))
 
 
-def test_a_dead_time_is_another_plant_and_loops_that_lack_margins_on_it_are_made_anew(before, make):
+def test_a_dead_time_is_another_plant_and_loops_that_lack_margins_on_it_are_made_anew(before, make, tmp_path):
     """60 ms more: RC was unstable at the highest level, and the answer "no: A's B stays within the range"."""
     gains, like = eaid.tune_rc(before), eaid.fit(make(36))
     now = msgspec.structs.replace(like, plant_=msgspec.structs.replace(like.plant_, dead_time_s=0.06))
@@ -158,6 +158,9 @@ def test_a_dead_time_is_another_plant_and_loops_that_lack_margins_on_it_are_made
     assert found.retune.needed and "pi" in found.retune.lacking and "on A's plant the loops lack" in found.summary()
     (told,) = [one for one in found.findings if one.code == "plant-moved"]
     assert told.values["what"] == "dead time" and found.changed and eaid.compare(now, before).tune_anew
+    assert "moved   A against B: dead time 0.06 s for 0 s" in found.lines()
+    page = eaid.report([found], tmp_path / "page").read_text()  # which told of T_s alone, that is the same
+    assert page.count("dead time 0.06 s for 0 s") == 2 and "of no level tells" in page
     assert not eaid.compare(before, now, gains=gains).retune.lacking  # which they were made for
     share = msgspec.structs.replace(like, plant_=msgspec.structs.replace(like.plant_, C=0.7))
     assert [one.values["what"] for one in eaid.compare(share, before).findings if one.code == "plant-moved"] == ["C"]

@@ -116,6 +116,7 @@ def _files(results: Results) -> Table:
         (results.data, lambda one: f"data, {EXPERIMENT_NAMES[one.kind]}"),
         (results.fits, lambda one: f"fit, {EXPERIMENT_NAMES[one.data.kind]}"), (results.gains, lambda _: "gains"),
         (results.replays, lambda one: f"replay, {one.head.scenario}"), (results.couplings, lambda _: "virtual walls"),
+        (results.rigs, lambda _: "rig"), (results.comparisons, lambda _: "comparison"),
     ]  # fmt: skip
     files = [(given, said(given.result)) for some, said in each for given in some]
     return table_of(

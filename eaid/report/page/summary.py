@@ -39,13 +39,15 @@ def known(results: Results) -> Known:
         "data": [one for data in results.data for one in data.result.all_findings], "model": [],
         "controller": [one for gains in results.gains for one in gains.result.findings],
         "replay": [one for replay in results.replays for one in replay.result.findings],
-        "sessions": [one for given in results.rigs for one in given.result.findings],
+        "sessions": [one for given in results.comparisons for one in given.result.findings],
     }  # fmt: skip
+    found["sessions"] += [one for given in results.rigs for one in given.result.findings]
     for one in (one for fit in results.fits for one in fit.result.findings):
         of_the_model = one.subject in (*MODEL_WORDS, "fit", "plant") or one.code in ABOUT_THE_CURVE
         found["model" if of_the_model else "data"].append(one)
     for part, group in found.items():  # each once: a fit repeats what its data already said
-        found[part] = list({(one.code, one.subject, one.levels): one for one in group}.values())
+        each = {(one.code, one.subject, one.levels, str(one.values.get("what"))): one for one in group}
+        found[part] = list(each.values())
     return {part: ranked(merged(ranked(group))) for part, group in found.items()}
 
 
@@ -68,11 +70,11 @@ def tables(results: Results) -> tuple[Table, ...]:
     if results.main_fit is not None and (cells := summary.values(results.main_fit)):
         heads = [head.replace("[", "(").replace("]", ")") for head in cells[0]]
         part = results.main_fit.nonlinear
-        curve = "T_s(u) goes through them" if part and part.Ts_through else "the model's one curve may pass beside them"
+        curve = "through which T_s(u) goes" if part and part.Ts_through else "which the model's curve may miss"
         own = part is not None and len(results.main_fit.friction_levels) > 1
         apart = any(one.values.get("lag") for one in results.main_fit.findings if one.code == "polynomials-too-low")
-        lags = "τ1 and τ2, too" if apart else "τ1 and τ2 are the curves'"
-        whose = f"T_s is each level's own; {curve}; {lags}." if own else ""
+        of, others = ("T_s, τ1 and τ2", "") if apart else ("T_s", "; τ1, τ2: the curves'")
+        whose = f"{of}: each level's own, {curve}{others}." if own else ""
         found.append(Table("Values with 95 % intervals", whose, columns(*heads), tuple(map(tuple, cells[1:]))))
     if results.gains:
         whole = controllers_table(results.gains[0].result)  # but for the gains themselves
@@ -127,18 +129,20 @@ def lights(results: Results) -> tuple[Light, ...]:
     """Sessions where there are any, data, model and controller at a glance; by the severity of what was found, never by
     its words."""
     found = known(results.main)
-    several = tuple(_sessions(results, found))
+    several = tuple(_sessions(results))
     if several and not (results.fits or results.gains or results.data):
         return several
     return *several, _data(results, found), _model(results, found), _controller(results, found)
 
 
-def _sessions(results: Results, known: Known) -> Iterator[Light]:
+def _sessions(results: Results) -> Iterator[Light]:
     """The verdict of each comparison, and what the next session may be."""
     for found in (given.result for given in results.comparisons):
         for one in (one for one in found.shifts if one.quantity in CLAIMED):
             word = "moved: " if one.changed else "same: "
             yield Light(f"A against {one.against}", "care" if one.changed else "good", word + one.words(), "sessions")
+        for subject, words in found.plant_words:
+            yield Light(subject, "care", f"moved: {words}", "sessions")
         if found.files:
             said = on_command_line(found.retuning)
             yield Light("Make gains anew", "good" if found.tune_anew is False else "care", said, "sessions")
@@ -147,8 +151,8 @@ def _sessions(results: Results, known: Known) -> Iterator[Light]:
             where = f"{found.promise.controller} in {found.promise.log}: {said}"
             yield Light("Recorded loop", "good" if found.promise.kept else "care", where, "summary")
     for rig in (given.result for given in results.rigs):
-        said = rig.lines()[0].removeprefix("rig").strip()
-        yield Light("Rig", _grade(known["sessions"]), f"{said}; {_counted(known['sessions'])}", "sessions")
+        said, told = rig.lines()[0].removeprefix("rig").strip(), ranked(merged(ranked(rig.findings)))
+        yield Light("Rig", _grade(told), f"{said}; {_counted(told)}", "sessions")
 
 
 def _grade(findings: Sequence[Finding]) -> str:
