@@ -30,7 +30,7 @@ from eaid.steps.build import stepset_of
 from eaid.steps.checks import Record, bridged, of_record, ramp
 from eaid.steps.cut import active_low, cut_runs, refuse_percent, settled_steps
 from eaid.steps.onset import let_go, onset
-from eaid.steps.plateaus import AT_REST_BELOW, FEWEST_HELD, is_recorded, plateaus, switching
+from eaid.steps.plateaus import AT_REST_BELOW, FEWEST_HELD, fitted_as, plateaus, switching
 from eaid.steps.repeats import counted_once
 from eaid.steps.step import Step
 from eaid.steps.stepset import StepSet
@@ -202,6 +202,17 @@ def mostly_ramps(steps: Sequence[Run]) -> bool:
     return 2 * len(ramps) > len(rises)
 
 
+def to_be_recorded(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
+    """Logs that are fitted as they were recorded, with what is to be said of each."""
+    found = [bridged(Record(run)) if options.repair else run for run in runs]
+    for k, run in enumerate(found):
+        if run.has_input:
+            refuse_percent(run, (np.abs(run.input) > 110, "beyond 100 by more than noise"))
+            told = (*run.findings, *active_low(run, plateaus(run.input)), *of_record(run))
+            found[k] = replace(run, findings=told)
+    return counted_once(found)
+
+
 def steps_of(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
@@ -216,21 +227,17 @@ def steps_of(
     names = tuple(run.name for run in blanks)
     out = (finding("runs-left-out", "data", runs=names, of=len(runs), why="at rest throughout"),) if blanks else ()
     runs = [run for run in runs if not any(run is one for one in blanks)]
-    uncut = [run for run in runs if how == "recorded" or (how == "auto" and is_recorded(run, options.rest))]
+    fitted = [fitted_as(run, options.rest) if how == "auto" else how for run in runs]
+    uncut = [run for run, as_ in zip(runs, fitted, strict=True) if as_ == "recorded"]
     whole = [run for run in runs if not any(run is one for one in uncut)]
     steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)
     if how == "auto" and (two_sided(steps) or mostly_ramps(steps)):
         uncut, whole, steps = [*uncut, *whole], [], []
-    if options.repair:
-        uncut, steps = [bridged(Record(run)) for run in uncut], [bridged(Step(run)) for run in steps]
-    for k, run in enumerate(uncut):
-        if run.has_input:
-            refuse_percent(run, (np.abs(run.input) > 110, "beyond 100 by more than noise"))
-            found = (*run.findings, *active_low(run, plateaus(run.input)), *of_record(run))
-            uncut[k] = replace(run, findings=found)
-    uncut, steps = counted_once(uncut), counted_once(steps)
+    steps = counted_once([bridged(Step(run)) for run in steps] if options.repair else steps)
+    swept = to_be_recorded(whole, options) if "sweep" in fitted else []
+    uncut = to_be_recorded(uncut, options)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))
     about = (*out, *stepset.findings, *several_factors([*steps, *uncut]))
@@ -240,5 +247,5 @@ def steps_of(
     inputs = tuple((str(path), sha256_of(path)) for path in paths)
     return steps, replace(
         stepset, recorded=tuple(uncut), level_steps=each, findings=about, inputs=inputs, reading=options.stated(),
-        logs=tuple(whole), steps=tuple(steps),
+        logs=tuple(whole), steps=tuple(steps), swept=tuple(swept),
     )  # fmt: skip

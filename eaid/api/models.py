@@ -146,6 +146,16 @@ def fit(
     from eaid.results.responses import responses_of
     from eaid.results.verdict import judged
 
+    steps = steps.as_recorded if how.duty is not None and steps.swept else steps
+    if how.duty is not None and not steps.recorded:
+        raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
+    refits = how.draws if how.ci == "bootstrap" else 0
+    if not steps.recorded:
+        with progress("bootstrap refits" if refits else "fitting", refits) as advance:
+            fitted = as_clutch = fit_steps(steps, how, advance)
+        another = asks_for_another_kind(as_clutch)
+        if steps.swept and (another or any(run.left_out for run in steps.runs)):  # the clutch's form tells no tails
+            steps = steps.as_recorded
     if steps.recorded:
         from eaid.recorded.fit import fit_whole
 
@@ -153,12 +163,8 @@ def fit(
             fitted = fit_whole(steps, how)
         samples = Samples(steps, partial(residuals_of_logs, runs=steps.recorded))
         return msgspec.structs.replace(fitted, parameters=parameters_of(fitted), samples=samples)
-    if how.duty is not None:
-        raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
-    refits = how.draws if how.ci == "bootstrap" else 0
-    with progress("bootstrap refits" if refits else "fitting", refits) as advance:
-        fitted = as_clutch = fit_steps(steps, how, advance)
-        if asks_for_another_kind(as_clutch):
+    if another:
+        with progress("fitting other kinds of plant", 0):
             from eaid.recorded.another_kind import try_another_kind
 
             fitted = try_another_kind(as_clutch, steps, how)

@@ -190,15 +190,15 @@ class Model:
                 x[part] = np.linalg.solve(form.rows(form.inputs), values[k])
         return x
 
-    def rows_of(self, u: Array) -> Rows:
-        """Rows for any inputs, those beyond the range included."""
-        size = np.abs(u) if self.signed else u
+    def rows_of(self, u: Array, paces: Array | None = None) -> Rows:
+        """Rows for any inputs, those beyond the range included; τ1, τ2 at other ones where `paces` says so."""
+        size, paced = (np.abs(one) if self.signed else one for one in (u, u if paces is None else paces))
         rest = np.clip(size / self.low, 0.0, 1.0) if self.low > 0 else np.ones_like(u)
-        inside = np.clip(size, self.low, self.high)
+        inside, paced = (np.clip(one, self.low, self.high) for one in (size, paced))
         steady_at = np.copysign(inside, u) if self.signed else inside
         parts = (
             np.zeros((len(u), 0)) if form is None else np.ascontiguousarray(form.rows(at))
-            for form, at in zip(self.forms, (steady_at, inside, inside), strict=True)
+            for form, at in zip(self.forms, (steady_at, paced, paced), strict=True)
         )
         steady, tau1, tau2 = parts
         return Rows(rest, np.ascontiguousarray(steady * rest[:, None]), tau1, tau2)

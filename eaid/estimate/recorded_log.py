@@ -87,9 +87,14 @@ class RecordedLog:
         if self.stepwise:
             rising[1:][(level[1:] < level[:-1]) & (level[1:] > 0)] = -1
         duty, index = np.unique(level, return_inverse=True)
+        paces = duty
+        if self.stepwise:
+            left = np.where(level == 0, np.append(0.0, level[:-1]), level)
+            both, index = np.unique([level, left], axis=1, return_inverse=True)
+            duty, paces = np.ascontiguousarray(both)
         above, known = self.output - (self.baseline or 0.0), np.isfinite(self.output)
         return Drive(
-            self.dt_s, np.repeat(index.astype(ROW_NUMBER), lasts), duty, np.repeat(rising, lasts),
+            self.dt_s, np.repeat(index.ravel().astype(ROW_NUMBER), lasts), duty, paces, np.repeat(rising, lasts),
             np.where(known, above, 0.0), np.where(known, self.weight, 0.0), self.baseline is not None, self.starts_idle,
         )  # fmt: skip
 

@@ -24,6 +24,7 @@ from eaid.results.models import Release
 from eaid.steps.stepset import Level, StepSet
 
 FALL_STARTS = 3  # Starts of the solve
+LEFT_SAVES = 0.01  # Part of the squares that falls with the time constants of the input left have to save
 
 
 def fit_falls(data: Data, shares: Array) -> Solution:
@@ -34,12 +35,11 @@ def fit_falls(data: Data, shares: Array) -> Solution:
     return minimise(steps, sorted(starts, key=lambda x: steps.normal(x)[0])[:FALL_STARTS], records=1.0)
 
 
-def sizes(solved: Solution, data: Data) -> Array:
+def sizes(falls: Sequence[Step], data: Data) -> Array:
     """Amplitude, residual and sum of squares over every sample of each level, (L, 3)."""
-    tau1, tau2 = solved.x
     parts = []
-    for share, record in zip(solved.at.theta[3], data.records, strict=True):
-        shape = 1 - step_response(Step(1.0, tau1, tau2, share), record.t_s)
+    for fall, record in zip(falls, data.records, strict=True):
+        shape = 1 - step_response(fall, record.t_s)
         off = shape - shape.mean()
         amplitude = max(float(off @ record.y) / max(float(off @ off), 1e-300), 0.0)
         residual = float(record.y.mean()) - amplitude * float(shape.mean())
@@ -59,12 +59,15 @@ def release_fit(
             fast, slow = rise(np.array(held_s[u]), np.array([rose.tau1, rose.tau2])) * [rose.C, 1 - rose.C]
             shares[i] = fast / (fast + slow)
     pooled = fit_falls(replace(data, compressed=data.points.of_falls), shares)
-    parts = sizes(pooled, data)
+    tau1, tau2 = pooled.x.tolist()
+    parts = sizes([Step(1.0, tau1, tau2, one) for one in shares.tolist()], data)
     total = float(parts[:, 2].sum())
     rmse = float(np.sqrt(total / sum(len(record.y) for record in data.records)))
-    tau1, tau2 = pooled.x.tolist()
-    part = Release(tau1, tau2, share, rmse, total, solver=pooled.solver)
-    return part, _findings(data, pooled, parts)
+    known = [rises.get(u) for u in data.u.tolist()]
+    own = [replace(one, Ts=1.0, C=C) for one, C in zip(known, shares.tolist(), strict=True) if one is not None]
+    as_left = len(own) == len(shares) > 1 and float(sizes(own, data)[:, 2].sum()) < (1 - LEFT_SAVES) * total
+    part = Release(tau1, tau2, share, rmse, total, solver=pooled.solver, as_left=as_left)
+    return part, [*_findings(data, pooled, parts), *[finding("release-as-left", "release")] * as_left]
 
 
 def release_of(plant: Plant, stepset: StepSet) -> Release | None:

@@ -34,6 +34,16 @@ from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import find_flat_levels, nonlinear_part
 from eaid.levels.release import release_fit
 from eaid.levels.session_drift import session_drift
+from eaid.levels.tails import (
+    MATTERS,
+    ROUNDS,
+    SETTLED,
+    Tails,
+    find_tails,
+    largest_part,
+    release_behind_tails,
+    take_off_tails,
+)
 from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE
 from eaid.results.common import Input, Source
@@ -48,6 +58,7 @@ from eaid.steps.stepset import Level, StepSet
 
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
+Sets = tuple[StepSet, StepSet]  # Steps as they were recorded, and the same behind their dead time
 # Findings that no creep leaves behind it
 WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike", "polynomials-too-low")
 NO_STEP = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
@@ -102,7 +113,8 @@ def fit_steps(
                 result = _fit_levels(stepset, options, progress)[0]
             if options.curve == "auto" and (flat := flat_levels(result)) is not None:
                 recorded, stepset, result = _fit_within_limit(recorded, stepset, result, flat, options, progress)
-            stepset, result = _fit_beside(recorded, stepset, result, options, progress)
+            sets, result = _fit_without_tails((recorded, stepset), result, options, progress)
+            stepset, result = _fit_beside((recorded, stepset), sets, result, options, progress)
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
         shapes = fit_single_steps(stepset, options)
@@ -161,29 +173,58 @@ def _fit_within_limit(
     return (limited[0], limited[1], within) if as_well else (recorded, behind, result)
 
 
+def _fit_without_tails(
+    sets: Sets, result: Fit, options: FitOptions, progress: Callable[[], None] | None
+) -> tuple[Sets, Fit]:
+    """The sets of steps without the tails of those before, where these matter, and their fit."""
+    if result.nonlinear is None:
+        return sets, result
+    behind = sets[1]
+    plant, release, tails, near = result.nonlinear.parameters, result.release, Tails(), None
+    part, level = largest_part(behind, find_tails(with_release(plant, release), behind), tails)
+    if part < MATTERS:
+        return sets, result
+    for _ in range(ROUNDS):
+        release = release_behind_tails(plant, behind, release)
+        plant = with_release(plant, release)
+        before, tails = tails, find_tails(plant, behind)
+        off = (take_off_tails(sets[0], plant, tails), take_off_tails(behind, plant, tails))
+        if largest_part(behind, tails, before)[0] < SETTLED:
+            break
+        kept, _ = split_held_out(off[1].levels, options.hold_out)
+        with np.errstate(all="ignore"):
+            near = estimate_levels_first(kept, data_of(kept), options.held_share, near)
+            plant = near.parameters
+    result, _ = _fit_levels(off[1], options, progress)
+    told = [finding("tails-taken-off", "data", [level], pct=100 * part, unit=behind.input_unit)]
+    told += [one for one in result.findings if one.subject != "release"]
+    told += [finding("release-as-left", "release")] if release is not None and release.as_left else []
+    return off, msgspec.structs.replace(result, release=release, findings=tuple(told))
+
+
 def _fit_beside(
-    recorded: StepSet, behind: StepSet, result: Fit, options: FitOptions, progress: Callable[[], None] | None
+    recorded: Sets, sets: Sets, result: Fit, options: FitOptions, progress: Callable[[], None] | None
 ) -> tuple[StepSet, Fit]:
-    """The set as recorded and the fit of it `behind` its dead time, with a C of its own and without a creep of its
-    output where the runs show them, and nobody has held C."""
+    """The set as it was recorded and its fit, with a C of its own and without a creep of its output where the runs show
+    them, and nobody has held C; `sets` are those of the fit so far, without tails."""
     share, codes = None if result.uncertainty is None else result.uncertainty.share, {x.code for x in result.findings}
     decays = "output-decays-under-hold" in codes
     unheld = options.share == SHARE and options.estimator != "joint"  # that is the paper's own fit
-    single = all(len(level.runs) == 1 for level in behind.levels)  # which do not say what C they ask for
+    single = all(len(level.runs) == 1 for level in sets[1].levels)  # which do not say what C they ask for
     asked = unheld and "rise-of-the-rig" not in codes and share is not None and (share.rejected or decays or single)
     if share is None or result.nonlinear is None or not asked:
-        return recorded, result
-    free, creep = find_share_and_creep(behind, share, SHARE)
+        return sets[0], result
+    free, creep = find_share_and_creep(sets[1], share, SHARE)
     if creep is None and (decays or not free):
-        return recorded, result
-    told, without = list[Finding](), (recorded, result)
+        return sets[0], result
+    told, without = list[Finding](), (sets[0], result)
     if creep is not None:
-        recorded, behind = (
-            replace(one.without_creep(creep.rate, creep.t0_s), creep=creep) for one in (recorded, behind)
-        )
+        first, behind = (replace(one.without_creep(creep.rate, creep.t0_s), creep=creep) for one in recorded)
+        recorded = (first, behind)
         low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
         told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
-    result, _ = _fit_levels(behind, replace(options, share="free") if free else options, progress)
+    options = replace(options, share="free") if free else options
+    sets, result = _fit_without_tails(recorded, _fit_levels(recorded[1], options, progress)[0], options, progress)
     if creep is not None and any(one.code in WRONG_FORM for one in result.findings):
         return without  # it is of the form that is wrong, as that of a plant which rings
     if free and result.nonlinear is not None:
@@ -191,8 +232,7 @@ def _fit_beside(
         low, high = (known and known.C) or (C, C)
         told.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=C, low=low, high=high))
     told += [one for one in result.findings if one.code != "share-free"]
-    result = msgspec.structs.replace(result, findings=tuple(told))
-    return recorded, result
+    return sets[0], msgspec.structs.replace(result, findings=tuple(told))
 
 
 def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> tuple[Fit, Scatter]:

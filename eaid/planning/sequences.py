@@ -79,7 +79,7 @@ def drive_of_sequence(whole: Array) -> Drive:
     t = (starts[:, None] + np.hstack([nothing, 0.5 * (edges[:, 1:] + edges[:, :-1])])).ravel()
     duty, at = np.unique(level, return_inverse=True)
     return Drive(
-        np.append(np.diff(t), 0.0), np.repeat(at.astype(ROW_NUMBER), HOLD_INSTANTS + 1), duty,
+        np.append(np.diff(t), 0.0), np.repeat(at.astype(ROW_NUMBER), HOLD_INSTANTS + 1), duty, duty,
         np.ones(len(t), dtype=ROW_NUMBER), np.zeros(len(t)), np.hstack([nothing, np.diff(edges)]).ravel(), False, True,
     )  # fmt: skip
 

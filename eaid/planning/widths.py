@@ -85,7 +85,7 @@ def drive_of_steps(
     places, dt_s, weights = zip(*pieces, strict=True)
     acts = np.repeat(np.array(places, dtype=ROW_NUMBER), [len(one) for one in dt_s])
     nothing, up = np.zeros(len(acts)), np.ones(len(acts), dtype=ROW_NUMBER)
-    return Drive(np.concatenate(dt_s), acts, duty, up, nothing, np.concatenate(weights), rests_s is None, True)
+    return Drive(np.concatenate(dt_s), acts, duty, duty, up, nothing, np.concatenate(weights), rests_s is None, True)
 
 
 def instants(time_s: float, turn_s: float) -> tuple[Array, Array]:

@@ -17,6 +17,7 @@ class Drive(NamedTuple):
     dt_s: Array  # How long a row's input acts [s]; 0 after the last
     which: Integers  # Which of `duty` acts
     duty: Array  # The different inputs, shape (m,)
+    paces: Array  # Those whose time constants may act with them: of a rest the input that was left, else itself, (m,)
     rising: Integers  # −1 while an input is held to which the log fell from a higher one, else 1
     y: Array
     w: Array  # Weights; 0: a row that is not compared

@@ -12,8 +12,9 @@ Two lags with a zero are two in parallel with C = (z/ω − τ1)/(τ2 − τ1).
 
 Where w falls its parts may have other time constants (of an overshoot the slow one then rises). Release constants hold
 for falls to rest: towards an input u below u_low a part has τ = s τ(u_low) + (1 − s) τ_release, s = u/u_low, the line
-that T_s follows there. Falls towards an identified input have τ(u) times a factor, or the release's constants too
-(`falls_as_release`). Where the input last fell, T_s may be larger by a share (`excess`, a hysteresis).
+that T_s follows there; at rest behind a held input τ of that one, where the logs show it (`release_as_left`). Falls
+towards an identified input have τ(u) times a factor, or the release's constants too (`falls_as_release`). Where the
+input last fell, T_s may be larger by a share (`excess`, a hysteresis).
 
 Floors, for plants drawn from an uncertain fit: τ1 ≥ `floor_s`, τ2 ≥ τ1, T_s ≥ 0 on the side of the input.
 
@@ -58,6 +59,7 @@ class Plant:
     u_range: Range  # Lowest and highest identified input, by size
     C: float = SHARE  # Share of the fast part: 1 of one lag, above 1 of an overshoot
     release: tuple[float, float] | None = None  # (τ1, τ2) of falls to rest [s], where those were fitted
+    release_as_left: bool = False  # Falls of a held input to rest have those of the input that was left
     falls_as_release: bool = False  # Falls between identified inputs have them too
     falls: tuple[float, float] = (1.0, 1.0)  # Factors on τ1 and τ2 of falls between identified inputs
     excess: float = 0.0  # Share by which T_s is larger where the input last fell
@@ -224,6 +226,7 @@ class PlantNumbers(NamedTuple):
     floor: float  # Least time constant [s]
     signed: bool  # Whether the input goes below rest, too
     late_s: float = 0.0  # Dead time [s]
+    release_as_left: bool = False  # Whether falls of a held input to rest have the τ of the input that was left
     through: bool = False  # Whether T_s of inputs above rest is a row of cubics, and not one
     pieces: Pieces = ((0.0, 0.0, 0.0, 0.0, 0.0),)
 
@@ -245,7 +248,7 @@ def plant_numbers(p: Plant) -> PlantNumbers:
         float(p.C), tau1, tau2, p.pieces[0][1:], low, high, (fast, slow), until, p.pieces_below[0][1:],
         (float(p.falls[0]), float(p.falls[1])),
         -1.0 if p.zeta is None else float(p.zeta), 1.0 if parallel else float(p.zero), float(p.floor_s),
-        p.signed, float(p.dead_time_s), bool(p.Ts_through), p.pieces,
+        p.signed, float(p.dead_time_s), p.release_as_left, bool(p.Ts_through), p.pieces,
     )  # fmt: skip
 
 

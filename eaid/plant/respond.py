@@ -47,6 +47,7 @@ def respond(
     """
     begins, values = np.array(changes_s, dtype=np.float64) + plant.dead_time_s, np.asarray(inputs, dtype=np.float64)
     begins[0] = min(begins[0], time_s[0])
+    plant = plant if stepwise else replace(plant, release_as_left=False)
     numbers = plant_numbers(plant)
     raised = plant_numbers(plant.scaled(1 + plant.excess))
     return driven(lambda _, fell: raised if fell and stepwise else numbers, begins, values, time_s, start)
@@ -65,9 +66,11 @@ def driven(
     rows = np.append(np.searchsorted(time_s, begins), len(time_s)).tolist()
     ends = np.append(begins[1:], max(float(time_s[-1]), float(begins[-1])))
     output, (x1, x2) = np.empty(len(time_s)), start
+    left = np.append(0.0, values[:-1]).tolist()
     held = zip(begins.tolist(), ends.tolist(), values.tolist(), fell.tolist(), strict=True)
     for k, (begin, end, value, fallen) in enumerate(held):
         plant, part = acting(value, fallen), slice(rows[k], rows[k + 1])
+        plant = at_rest(plant, left[k]) if value == 0.0 else plant
         since = time_s[part] - begin
         if rows[k + 1] - rows[k] < FEW_ROWS_HELD or plant.zeta >= 0.0:
             states = [plant_step(plant, x1, x2, value, dt) for dt in since.tolist()]
@@ -77,6 +80,11 @@ def driven(
             output[part] = x1 + rise(since, tau1) * fast + x2 + rise(since, tau2) * slow
         x1, x2 = plant_step(plant, x1, x2, value, end - begin)
     return output
+
+
+def at_rest(plant: PlantNumbers, left: float) -> PlantNumbers:
+    """The plant at rest behind a held input."""
+    return plant._replace(release=plant_terms(plant, left)[:2]) if plant.release_as_left else plant
 
 
 def left_of_start(plant: PlantNumbers, u: float, t_s: Array, falls: tuple[bool, bool] = (False, False)) -> Array:

@@ -19,7 +19,14 @@ from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
 from eaid.recorded.creep import LEAST_GAIN, by_noise, find_creeps, find_gain_drift, refit_with_creeps, sure
 from eaid.recorded.curve_intervals import curves
-from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, fit_with_falls, list_tests, test_falls
+from eaid.recorded.fall_tests import (
+    FALL_CHANCE,
+    FALL_NAMES,
+    fit_falls_as_left,
+    fit_with_falls,
+    list_tests,
+    test_falls,
+)
 from eaid.recorded.from_logs import (
     Setup,
     Solved,
@@ -427,6 +434,7 @@ def _fit_clutch(
 ) -> Chosen:  # fmt: skip
     """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
     base = fit_setup(setup_of(forms.nonlinear(inputs.basis, options.held_share), [*logs, *others], rests))
+    base = fit_falls_as_left(base) if falls else base
     behind = fit_behind_dead_time(base, logs, others, options.held_dead_time_s, of_steps_s)
     base, findings = behind.solved, []
     theta_s = base.fitted.dead_time(base.x)

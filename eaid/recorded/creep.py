@@ -102,7 +102,13 @@ def refit_with_creeps(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solv
     x[[place.own[3:] for place in before.places]] = 0.0
     setup = setup_of(before.model, plain, before.idle_free, before.dead_time_s)
     drives = setup.every.drives if before.model.kind == "swing" else setup.drives
-    return replace(ended, fitted=replace(setup, extras=before.extras, creeping=len(logs), drives=drives), x=x), plain
+    return replace(
+        ended,
+        fitted=replace(
+            setup, extras=before.extras, creeping=len(logs), drives=drives, falls_as_left=before.falls_as_left
+        ),
+        x=x,
+    ), plain
 
 
 def hold_creeps(solved: Solved) -> Solved:

@@ -1,7 +1,7 @@
 """Do falls in recorded logs go as rises do? Tested on the data, and fitted where they differ; of one lag, or two in
 parallel.
 
-    rest     τ1, τ2 of falls to rest against those of the lowest identified input
+    rest     τ1, τ2 of falls to rest against those of the lowest identified input, or of the input that was left
     fall     factors on τ1, τ2 of falls between identified inputs against 1
     excess   T_s after a fall of a stepwise input, T_s (1 + h), against h = 0
 
@@ -18,6 +18,7 @@ from scipy.special import fdtrc
 from eaid.arrays import Array
 from eaid.estimate.forms import SLOWEST_TAU
 from eaid.findings import Finding, finding
+from eaid.levels.release import LEFT_SAVES
 from eaid.plant.drive import Drive
 from eaid.recorded.from_logs import NO_EXTRAS, Solved, fit_near, fit_through_levels
 from eaid.recorded.inputs import FEW_LEVELS, Excited
@@ -52,6 +53,7 @@ def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple
     """Test all that the inputs can tell together, then fit again with those that differ: they are its extras. Where
     levels are held, with T_s of each: falls imitate what a curve through them misses."""
     names = list_tests(base.setup.drives, base.setup.model.low, inputs.stepwise, free)
+    names = tuple(name for name in names if name != "rest" or not base.setup.falls_as_left)
     judgements: dict[str, Judged] = {}
     if names:
         model, by_levels = base.setup.model, base
@@ -77,6 +79,18 @@ def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple
             ends = (value - half, value + half) if half < WIDEST_HALF and extra != "rest" else None
             rows.append(FallTest(name, value, ends, one.chance, extra in base.setup.extras))
     return base, tuple(rows), _findings(base, judgements)
+
+
+def fit_falls_as_left(base: Solved) -> Solved:
+    """The fit with falls to rest that go with the time constants of the input that was left, where that explains the
+    logs better than constants of their own do; itself where it does not, or one input was left."""
+    drives, model = base.setup.drives, base.setup.model
+    left = np.concatenate([drive.paces[drive.duty == 0] for drive in drives])
+    if model.tau1.size < 2 or len(np.unique(np.clip(left[left > 0], model.low, model.high))) < 2:
+        return base
+    own = fit_with_falls(base, ("rest",))
+    found = fit_near(replace(base.fitted, falls_as_left=True), base.x)
+    return found if found.cost < (1 - LEFT_SAVES) * min(own.cost, base.cost) else base
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +174,8 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
 
 
 def _findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, ...]:
-    findings, kept = [finding("release-not-seen", "release")], solved.setup.extras
+    seen = "release-as-left" if solved.setup.falls_as_left else "release-not-seen"
+    findings, kept = [finding(seen, "release")], solved.setup.extras
     if "rest" in judgements:
         taus_s, chance = tuple(judgements["rest"].values.tolist()), judgements["rest"].chance
         edges_s = tuple(lowest_taus(solved)[: len(taus_s)].tolist())

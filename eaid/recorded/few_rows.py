@@ -83,6 +83,7 @@ def average_moving(log: RecordedLog, every: Drive) -> Drive:
         dt_s=np.append(np.diff(at[kept]), 0.0),
         which=np.repeat(index, 2)[kept].astype(ROW_NUMBER),
         duty=duty,
+        paces=duty,
         rising=np.ones(int(kept.sum()), dtype=ROW_NUMBER),
         y=np.repeat(np.add.reduceat(every.y, starts) / size, 2)[kept],
         w=weight[kept],

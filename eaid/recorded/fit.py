@@ -367,7 +367,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown, own) if shown else None,
         linear=linear,
         friction=friction,
-        release=None if release is None else Release(*release, plant_found(base).C),
+        release=None if release is None or base.setup.falls_as_left else Release(*release, plant_found(base).C),
         uncertainty=None if uncertainty is None else uncertainty_part(base, uncertainty),
         recorded=msgspec.structs.replace(
             recorded,

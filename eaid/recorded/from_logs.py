@@ -88,6 +88,7 @@ class Setup:
     longest_hold_s: float = 0.0  # Longest time for which an input is held, or a moving one is recorded [s]
     dead_time_s: float = 0.0  # θ where it is no unknown [s]
     creeping: int = 0  # So many logs, the first ones, have an output that creeps beside its response
+    falls_as_left: bool = False  # Whether falls to rest go with the time constants of the input that was left
 
     @cached_property
     def limits(self) -> Constraints:
@@ -117,7 +118,7 @@ class Setup:
     @cached_property
     def maps(self) -> tuple[Rows, ...]:
         """What the model makes of each log's inputs."""
-        return tuple(self.model.rows_of(drive.duty) for drive in self.drives)
+        return tuple(self.model.rows_of(one.duty, one.paces if self.falls_as_left else None) for one in self.drives)
 
     @cached_property
     def shared(self) -> int:
@@ -460,6 +461,9 @@ def plant_found(solved: Solved) -> Plant:
             found[name] = (float(x[at]), float(x[at + (setup.model.tau2 is not None)]))
     if (at := setup.at("excess")) >= 0:
         found["excess"] = float(x[at])
+    if setup.falls_as_left:
+        middle = solved.curves(np.array([0.5 * (setup.model.low + setup.model.high)]))
+        found |= {"release_as_left": True, "release": (float(middle.tau1[0]), float(middle.tau2[0]))}
     idles = [idle_found(solved, k) + (one.log.baseline or 0.0) for k, one in enumerate(setup.copies)]
     found["idle"] = median(idles) if idles else 0.0
     return replace(setup.model.parameters(solved.coefficients), **found)

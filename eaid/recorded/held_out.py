@@ -130,6 +130,5 @@ def _bridge_unseen(x: Array, fitted: Setup, kept: Sequence[RecordedLog]) -> None
 def _set_up_like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:
     """The setup of other logs for the same model."""
     setup = setup_of(fitted.model, logs, fitted.idle_free, fitted.dead_time_s)
-    return replace(
-        setup, extras=fitted.extras, drives=setup.drives if setup.model.kind != "swing" else setup.every.drives
-    )
+    drives = setup.drives if setup.model.kind != "swing" else setup.every.drives
+    return replace(setup, extras=fitted.extras, drives=drives, falls_as_left=fitted.falls_as_left)

@@ -136,6 +136,8 @@ class Release(Result, frozen=True):
     rmse: Number | None = None
     sse: Number | None = None
     solver: Solver | None = None
+    as_left: bool = False
+    """Whether each level's own time constants explain its falls better than these do."""
 
 
 class PooledIntervals(Intervals, frozen=True):

@@ -67,6 +67,8 @@ class FittedPlant(Result, frozen=True):
     """Output at rest."""
     release: tuple[Positive, Positive] | None = None
     """τ1, τ2 of falls to rest [s], where they have their own."""
+    release_as_left: bool = False
+    """Falls of a held input to rest have those of the input that was left; `release` is theirs in the middle."""
     falls_as_release: bool = False
     """Falls between levels have them too."""
     falls: tuple[Positive, Positive] = (1.0, 1.0)
@@ -172,7 +174,7 @@ def with_release(plant: Plant, release: "Release | None", levels: "Sequence[Fric
     if release is None:
         return plant
     constants = (release.tau1, release.tau2)
-    model = replace(plant, release=constants)
+    model = replace(plant, release=constants, release_as_left=release.as_left)
     nearer = 0.0
     for row in falls_between(levels):
         for tau, up, down in zip((row.tau1, row.tau2), model.time_constants(row.level), constants, strict=True):

@@ -4,7 +4,9 @@ A plateau is a stretch in which the input stays within `tolerance`, 1 % of its r
 """
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,6 +116,11 @@ def stands_still(holds: list[Plateau], values: Array) -> bool:
     return still >= len(values) / 2
 
 
+# Levels of a sweep at least, the longest hold over the shortest, and the part of its step by which an output may still
+# move from the second to the last quarter of a hold
+SWEPT_LEVELS, AS_LONG, MOVES_ON = 3, 1.3, 0.2
+
+
 def switching(values: Array) -> float | None:
     """Rows of a half-wave of an input that goes to and fro as a drive's square wave; None of any other input."""
     high = values > (float(values.min()) + float(values.max())) / 2
@@ -131,40 +138,57 @@ def is_measured(run: Run) -> bool:
     return 0 < beyond <= min(STILL * sample_noise(run.input), NOISE_MOST * float(run.input.max()))
 
 
-def is_recorded(run: Run, rest: float = 0.0) -> bool:
-    """Whether a log is fitted as it was recorded, for its input does more than step from rest.
+def fitted_as(run: Run, rest: float = 0.0) -> Literal["steps", "sweep", "recorded"]:
+    """Whether a log is fitted by its steps from rest, or as it was recorded, for its input does more.
 
     It does where it moves most of the time, where a stretch under load goes through different inputs, where it goes to
     both sides of rest or never comes to it, or where it falls to rest again and again with short rests, or with such as
-    the output does not come to rest in. Runs whose level or step instant was given, and cut steps, are steps.
+    the output does not come to rest in, and is no sweep of levels. Runs whose level or step instant was given, and cut
+    steps, are steps.
     """
     if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
-        return False
+        return "steps"
     if not run.has_input:
-        return False
+        return "steps"
     holds = plateaus(run.input)
     still = stands_still(holds, run.input)
     if run.position is None and not still:
-        return True
+        return "recorded"
     signed = run.input - rest
     level = np.abs(signed)
     top = float(level.max())
     noise = min(STILL * sample_noise(signed), NOISE_MOST * top) if still else 0.0  # of a voltage monitor at rest
     loaded = level > max(AT_REST_BELOW * top, noise)
     if len(level) < 10 or top == 0.0 or (loaded.all() and np.ptp(signed) <= AT_REST_BELOW * top):
-        return False
+        return "steps"
     if min(float(signed.max()), -float(signed.min())) > max(SIGNED * top, noise) or (loaded.all() and still):
-        return True  # of both signs, or from level to level without ever coming to rest
+        return "recorded"  # of both signs, or from level to level without ever coming to rest
     starts, ends = stretches(loaded)
     apart = (MEASURED if is_measured(run) else COMMANDED) * top
     held = [level[a:b] for a, b in zip(starts, ends, strict=True)]
     if sum(int((np.abs(one - np.median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
-        return not (len(holds) == 2 and still)  # two holds are a step
+        return "steps" if len(holds) == 2 and still else "recorded"  # two holds are a step
     lasts, rests = ends - starts, starts[1:] - ends[:-1]
     if len(starts) < 2 or (len(starts) <= RETURNS and not begins_on_tails(run.output, starts, ends)):
+        return "steps"
+    if np.median(lasts) < 5 or not (np.median(rests) < np.median(lasts) or 3 * rests.min() < lasts.max()):
+        return "steps"
+    return "sweep" if is_sweep(run.output, [float(np.median(one)) for one in held], starts, ends) else "recorded"
+
+
+def is_sweep(output: Array, levels: Sequence[float], starts: NDArray[np.intp], ends: NDArray[np.intp]) -> bool:
+    """Whether a log goes from rest to several levels and holds each as long, until its output has all but settled: what
+    a step has left when the next begins can be told, and is taken off its steps (`levels/tails.py`)."""
+    lasts, moved = ends - starts, []
+    if len(set(np.round(np.array(levels) / max(levels), 3).tolist())) < SWEPT_LEVELS:
         return False
-    quick = np.median(rests) < np.median(lasts) or 3 * rests.min() < lasts.max()
-    return bool(quick and np.median(lasts) >= 5)
+    for start, end in zip(starts, ends, strict=True):
+        rows = max(1, (end - start) // 4)
+        before, early, late = (
+            float(output[max(at, 0) :][:rows].mean()) for at in (start - rows, start + rows, end - rows)
+        )
+        moved.append(abs(late - early) / max(abs(late - before), 1e-300))
+    return bool(lasts.max() <= AS_LONG * lasts.min()) and median(np.array(moved)) < MOVES_ON
 
 
 def begins_on_tails(output: Array, starts: NDArray[np.intp], ends: NDArray[np.intp]) -> bool:

@@ -210,6 +210,8 @@ class StepSet(Shown):
     """Every change of input between two holds, from rest and to rest too, in the order of levels."""
     creep: Creep | None = None
     """What was taken off its levels and releases."""
+    swept: tuple[Run, ...] = ()
+    """The logs behind its steps, whose rests are short: fitted as recorded where the clutch's form does not hold."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -256,6 +258,11 @@ class StepSet(Shown):
         levels = tuple(off(one, t0_s) for one in self.levels)
         releases = tuple(off(one, t0_s + ended_s.get(one.level, 0.0)) for one in self.releases)
         return replace(self, levels=levels, releases=releases, findings=self._told_of_no_creep)
+
+    @property
+    def as_recorded(self) -> "StepSet":
+        """The logs behind its steps, to be fitted as they were recorded."""
+        return replace(self, recorded=self.swept, levels=(), releases=(), runs=(), logs=(), swept=())
 
     @property
     def _told_of_no_creep(self) -> tuple[Finding, ...]:

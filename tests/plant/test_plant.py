@@ -124,7 +124,9 @@ def drive_of(rows: int = 40) -> Drive:
     which = np.repeat(random.integers(0, 3, rows // 4), 4)
     rising = np.where((which == 1) & (np.roll(which, 4) == 2), -1, 1)
     dt = np.append(random.uniform(0.05, 0.4, rows - 1), 0.0)
-    return Drive(dt, which, LEVELS, rising, random.normal(size=rows), random.uniform(0.5, 2.0, rows), False, False)
+    return Drive(
+        dt, which, LEVELS, LEVELS, rising, random.normal(size=rows), random.uniform(0.5, 2.0, rows), False, False
+    )
 
 
 def tables_of(x: np.ndarray) -> Tables:
@@ -245,7 +247,8 @@ def test_the_kernel_responds_as_the_plant_does() -> None:
 
 def test_a_change_that_falls_on_a_sample_acts_after_it() -> None:
     drive = Drive(
-        np.array([1.0, 1.0, 1.0, 0.0]), np.array([0, 1, 1, 1]), np.array([0.0, 1.0]), np.ones(4, dtype=np.int64),
+        np.array([1.0, 1.0, 1.0, 0.0]), np.array([0, 1, 1, 1]), np.array([0.0, 1.0]), np.array([0.0, 1.0]),
+        np.ones(4, dtype=np.int64),
         np.zeros(4), np.ones(4), True, True,
     )  # fmt: skip
     late = delayed(drive, 1.0)

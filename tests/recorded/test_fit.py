@@ -13,7 +13,7 @@ from eaid.logs.run import Run
 from eaid.options import Excitation
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.recorded.fit import fit_recorded
-from eaid.steps.plateaus import is_recorded
+from eaid.steps.plateaus import fitted_as
 from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.logs import NONE
 from eaid.synth.plants import clutch
@@ -32,7 +32,7 @@ def test_noise_free_logs_give_the_ten_coefficients_back(kind: str) -> None:
     held = {} if kind == "chirp" else {"hold_s": (0.5, 8.0)}
     e = Excitation(kind=kind, duration_s=150.0, rate_hz=200.0, **held)
     run = synthesise_excitation(clutch(), e, NONE, 1)[0]
-    assert is_recorded(run)
+    assert fitted_as(run) == "recorded"
     found = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)))
     assert found.nonlinear is not None and found.converged
     np.testing.assert_allclose(coefficients(found.nonlinear), coefficients(REFERENCE_PLANT), rtol=1e-6)

@@ -254,6 +254,10 @@ ROWS: dict[str, Row] = {
         "{off_ms:+.3g} ms), as a trigger that jitters makes them: they are laid on each other; record input and output "
         "by one clock"
     ),
+    "tails-taken-off": note(
+        "steps begin on what the one before has left ({pct:.2g} % of the output {at}, where it is most): that is taken "
+        "off as the plant tells it; rest longer between steps"
+    ),
     "session-drifts": caution(
         lambda v: (
             f"the output drifts from run to run: {v['pct']:+.2g} % over the session (chance {v['chance']:.1g}), as a "
@@ -474,6 +478,10 @@ ROWS: dict[str, Row] = {
     "release-differs": note(
         "falls to rest have time constants of their own, {taus_s:.3g} s (the lowest input would give {edges_s:.3g} s; "
         "chance {chance:.2g}); they are fitted and taken for the release"
+    ),
+    "release-as-left": note(
+        "falls to rest go with the time constants of the input that was left, not with one pair for all; loops and "
+        "exported code, which hold no input, let go with those in the middle of the range"
     ),
     "release-own": note(
         "falls to rest have {taus_s:.3g} s of their own; these may be those of the lowest input, {edges_s:.3g} s "
