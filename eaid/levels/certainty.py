@@ -120,7 +120,8 @@ class Estimate:
         data = self.solved.steps.data
         if data.creep is None:
             return np.zeros((0, take.shape[2]))
-        ramp = data.points.w * data.creep.error * (data.points.t_s + data.creep.t0_s)
+        since_s = np.array([[data.creep.of_levels[u]] for u in data.u.tolist()])
+        ramp = data.points.w * data.creep.error * (data.points.t_s + since_s)
         rows = zip(at.theta.T.tolist(), data.points.t_s, ramp, strict=True)
         along = np.array([step_slopes(Step(*curve), t) @ w for curve, t, w in rows])
         return np.asarray(np.einsum("l,lk,lkm->m", self.solved.steps.weight, along, take))[None]

@@ -1,6 +1,7 @@
 """What steps from rest have besides the clutch's form and its C: another C, and an output that creeps at one rate.
 
-    ȳ_l(t) = T_l φ(t; τ1(u_l), τ2(u_l), C) + r (t + t0),    t0 from the middle of the idle time to the step
+    ȳ_l(t) = T_l φ(t; τ1(u_l), τ2(u_l), C) + r (t + t_l),   t_l from the middle of the rests that its runs are counted
+                                                            from to the step
 
 Both bend every curve, another C by a part of its T_s, a creep by as much at each level, so that levels tell them apart;
 records of one level do not. The fit goes along by Gauss–Newton steps in r, T_s of each level, τ1(u), τ2(u) and C solved
@@ -62,8 +63,8 @@ def find_share_and_creep(stepset: StepSet, share: ShareEstimate, held: float) ->
     single, free = all(len(level.runs) == 1 for level in levels), False
     if len(levels) >= (FEWEST_SINGLES if single else 2):
         idle = np.array([run.idle_slope for run in stepset.runs if run.idle_slope is not None and not run.left_out])
-        rests = [step.rest_s for step in stepset.level_steps if step.from_level == 0 and step.rest_s is not None]
-        t0 = 0.5 * median(rests or [0.0])
+        middles = [stepset.middles_s(level) for level in levels]
+        t0 = np.array([one.mean() for one in middles])
         at_idle = float(idle.mean()) if len(idle) else 0.0
         if not single:
             C, rate, _ = _solve(levels, t0, None, at_idle)
@@ -72,7 +73,8 @@ def find_share_and_creep(stepset: StepSet, share: ShareEstimate, held: float) ->
             C, rate, cost = _solve(levels, t0, held, at_idle)
         if _creeps(rate, levels, idle) and not (single and _cost_of_share(levels, held) <= cost):
             told = free and share_is_told(C.value - C.half, C.value + C.half)
-            return told, Creep(rate.value, rate.error, rate.half, t0)
+            of_levels = {level.level: float(one) for level, one in zip(levels, t0, strict=True)}
+            return told, Creep(rate.value, rate.error, rate.half, median(np.concatenate(middles)), of_levels)
     told = bool(share.matters and share.ci95 is not None and share_is_told(*share.ci95))
     if told and single and len(levels) < FEWEST_SINGLES:  # noise that lasts bends them as another C does
         data = data_of(levels)
@@ -102,7 +104,7 @@ def _cost_of_share(levels: Sequence[Level], held: float) -> float:
     return float(fit_levels_first(data, held).steps.weight @ fit_levels_first(data, None).at.cost)
 
 
-def _solve(levels: Sequence[Level], t0: float, share: float | None, idle: float) -> tuple[Number, Number, float]:
+def _solve(levels: Sequence[Level], t0: Array, share: float | None, idle: float) -> tuple[Number, Number, float]:
     """C, free or held, the rate of a creep that all runs share, from the best of some rates, that of the idle time
     among them: the slow parts of low levels imitate one; and what these leave."""
     data = data_of(levels)
@@ -124,7 +126,7 @@ def _solve(levels: Sequence[Level], t0: float, share: float | None, idle: float)
 
 
 def _solve_near(
-    levels: Sequence[Level], data: Data, t0: float, rate: float, x: Array, share: float | None
+    levels: Sequence[Level], data: Data, t0: Array, rate: float, x: Array, share: float | None
 ) -> tuple[float, Estimate, tuple[Array, Array]]:
     """The rate next to one, the estimate without it, and how sure C and the rate are."""
     for _ in range(ROUNDS):
@@ -139,14 +141,15 @@ def _solve_near(
     return rate, near, known
 
 
-def take_off_creep(data: Data, rate: float, t0: float) -> Data:
+def take_off_creep(data: Data, rate: float, t0: Array) -> Data:
     """The mean curves without a creep."""
     if not rate:
         return data
-    return Data(data.u, tuple(replace(one, y=one.y - rate * (one.t_s + t0)) for one in data.records))
+    pairs = zip(data.records, t0.tolist(), strict=True)
+    return Data(data.u, tuple(replace(one, y=one.y - rate * (one.t_s + since)) for one, since in pairs))
 
 
-def _columns(near: Estimate, t0: float) -> list[Array]:
+def _columns(near: Estimate, t0: Array) -> list[Array]:
     """How the curves go with T_s of each level over its size, with x and with the rate, (n_l, L + p + 1) each."""
     steps, found = near.solved.steps, []
     count = len(near.levels)
@@ -155,7 +158,7 @@ def _columns(near: Estimate, t0: float) -> list[Array]:
         columns = np.zeros((len(level.time_s), count + len(near.solved.x) + 1))
         columns[:, k] = slopes[0] * near.size[k]
         columns[:, count:-1] = slopes[1:].T @ steps.M[1:, k]
-        columns[:, -1] = level.time_s + t0
+        columns[:, -1] = level.time_s + t0[k]
         found.append(columns)
     return found
 

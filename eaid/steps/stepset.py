@@ -125,7 +125,8 @@ class Creep:
     rate: float  # [output/s]
     error: float  # Its standard error
     half: float  # Half-width of its 95 % interval
-    t0_s: float  # From the middle of the idle time, whose mean is taken off, to the step
+    t0_s: float  # From the middle of the idle time, whose mean is taken off, to the step; of most runs
+    of_levels: Mapping[float, float]  # The same in the mean of each level's runs
 
 
 @dataclass(frozen=True)
@@ -247,15 +248,21 @@ class StepSet(Shown):
         levels, releases = (tuple(one.ended(late_s) for one in part) for part in (self.levels, self.releases))
         return replace(self, runs=runs, levels=levels, releases=releases, findings=self._told_of_no_creep)
 
+    def middles_s(self, level: Level, unknown_s: float = 0.0) -> Array:
+        """From the middle of the rest that each run of a level is counted from to its step [s], (R,)."""
+        rests = {(abs(one.level), one.name): one.rest_s for one in self.level_steps if one.from_level == 0}
+        known = [rests.get((level.level, name)) for name in level.names]
+        return np.array([unknown_s if one is None else 0.5 * one for one in known])
+
     def without_creep(self, rate: float, t0_s: float) -> "StepSet":
-        """The set without a creep of its output beside the response, of so much a second, from so long before a step
-        on."""
+        """The set without a creep of its output beside the response, of so much a second, from the middle of the rest
+        that each run is counted from on; from so long before its step where that is not known."""
         ended_s = {level.level: float(level.time_s[-1]) for level in self.levels}  # where their releases begin
 
-        def off(one: Level, since_s: float) -> Level:
-            return replace(one, runs=one.runs - rate * (one.time_s + since_s))
+        def off(one: Level, since_s: Array | float) -> Level:
+            return replace(one, runs=one.runs - rate * (one.time_s + np.reshape(since_s, (-1, 1))))
 
-        levels = tuple(off(one, t0_s) for one in self.levels)
+        levels = tuple(off(one, self.middles_s(one, t0_s)) for one in self.levels)
         releases = tuple(off(one, t0_s + ended_s.get(one.level, 0.0)) for one in self.releases)
         return replace(self, levels=levels, releases=releases, findings=self._told_of_no_creep)
 

@@ -12,11 +12,13 @@ LEVELS = (2.0, 4.0, 6.0, 8.0, 10.0)
 IDLE_S, HOLD_S = 2.0, 15.0
 
 
-def logs(C: float, creep: float, while_idle: bool = True, seed: int = 0, repeats: int = 3) -> list[pd.DataFrame]:
+def logs(
+    C: float, creep: float, while_idle: bool = True, seed: int = 0, repeats: int = 3, idle_s: float = IDLE_S
+) -> list[pd.DataFrame]:
     """T_s = 0.2 u + 0.03 u², τ 0.3 and 5 s; gains that scatter by 4 % and τ by 2 %, noise of 0.02 N; creep in N/s."""
     random, found = np.random.default_rng(seed), []
-    t = np.arange(0.0, IDLE_S + HOLD_S, 0.02)
-    s = np.maximum(t - IDLE_S, 0.0)
+    t = np.arange(0.0, idle_s + HOLD_S, 0.02)
+    s = np.maximum(t - idle_s, 0.0)
     for u in LEVELS if repeats > 1 else np.linspace(1.0, 10.0, 10):
         for _ in range(repeats):
             tau = np.array([0.3, 5.0]) * (1 + 0.02 * random.normal())
@@ -26,8 +28,20 @@ def logs(C: float, creep: float, while_idle: bool = True, seed: int = 0, repeats
                 * -(C * np.expm1(-s / tau[0]) + (1 - C) * np.expm1(-s / tau[1]))
             )
             y += creep * (t if while_idle else s) + 0.02 * random.normal(size=len(t))
-            found.append(pd.DataFrame({"time_s": t, "input_V": np.where(t >= IDLE_S, u, 0.0), "output_N": y}))
+            found.append(pd.DataFrame({"time_s": t, "input_V": np.where(t >= idle_s, u, 0.0), "output_N": y}))
     return found
+
+
+def test_each_run_creeps_from_the_rest_that_it_is_counted_from() -> None:
+    """A low level is counted from the last part of its idle time, a high one from the mean of all of it: T_s of the low
+    ones was 5 % low, beyond its interval."""
+    fit = eaid.fit(eaid.read(dict(enumerate(logs(0.85, 0.006, idle_s=12.0)))))
+    assert "creep-taken-off" in {one.code for one in fit.findings}
+    rests = [one.rest_s for one in fit.samples.steps.level_steps if one.from_level == 0]
+    assert max(rests) > 2 * min(rests)
+    assert within(fit) >= 13
+    low, high = fit.at(LEVELS[0]).loc["Ts", ["low", "high"]]
+    assert low < 0.52 < high
 
 
 def within(fit: eaid.Fit) -> int:
