@@ -3,9 +3,10 @@
 import contextlib
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from eaid.logs.columns import columns_guessed
 from eaid.logs.folders import logs_meant
 from eaid.logs.formats import ForeignReader, format_of
 from eaid.logs.names import agreeing, chosen, level_and_repeat, pattern_guessed, several_factors, unit_beside
-from eaid.logs.read import columns_told, read_what_can_be
+from eaid.logs.read import columns_told, read_like, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
 from eaid.logs.to_run import without_switches
@@ -202,6 +203,12 @@ def mostly_ramps(steps: Sequence[Run]) -> bool:
     return 2 * len(ramps) > len(rises)
 
 
+def read_whole(paths: Sequence[Path], options: ReadOptions, before: Mapping[str, Any]) -> list[Run]:
+    """Whole logs, read as those of a fit were `before` where nothing else is said."""
+    runs = read_like(paths, options, before)
+    return [bridged(Record(run)) for run in runs] if options.repair or before.get("repair") else runs
+
+
 def to_be_recorded(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
     """Logs that are fitted as they were recorded, with what is to be said of each."""
     found = [bridged(Record(run)) if options.repair else run for run in runs]
@@ -247,5 +254,6 @@ def steps_of(
     inputs = tuple((str(path), sha256_of(path)) for path in paths)
     return steps, replace(
         stepset, recorded=tuple(uncut), level_steps=each, findings=about, inputs=inputs, reading=options.stated(),
-        logs=tuple(whole), steps=tuple(steps), swept=tuple(swept),
+        logs=tuple(bridged(Record(run)) if options.repair and run.has_input else run for run in whole),
+        steps=tuple(steps), swept=tuple(swept),
     )  # fmt: skip

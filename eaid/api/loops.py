@@ -139,7 +139,7 @@ def simulate(
     >>> sorted(set(run.to_frame()["name"]))
     ['pi', 'rc']
     """
-    from eaid.logs.read import read_like
+    from eaid.reading import read_whole
     from eaid.replay.controllers import own_controllers
     from eaid.replay.simulate import simulate as replayed
 
@@ -155,7 +155,7 @@ def simulate(
         raise UsageError("«reading»: says how a «log» is read; give both or neither")
     if log is not None:
         how.check_for("log")
-    runs = None if log is None else read_like(paths_in(log), reading or ReadOptions(), fit.options.reading)
+    runs = None if log is None else read_whole(paths_in(log), reading or ReadOptions(), fit.options.reading)
     return replayed(fit, gains, how, reference, runs, progress, own)
 
 

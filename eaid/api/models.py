@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
+MOST_LEFT_OUT = 0.2  # Part of the runs that spikes may leave out before it is asked what to do with them
+
+
 @taking(ReadOptions)
 def read(
     source: "Paths | Tables",
@@ -180,6 +183,9 @@ def fit(
 def _ask(steps: StepSet) -> None:
     """DataError for logs that no fit holds with before one reading option more is given."""
     found = {one.code: one for one in steps.all_findings}
+    left_out = [one for run in steps.runs if run.left_out for one in run.findings if one.code == "spikes"]
+    if len(left_out) > MOST_LEFT_OUT * len(steps.runs):
+        found["spikes"] = left_out[0]
     assumed = found.get("unit-assumed")
     asked = (
         found.get("spikes") if not steps.reading.get("repair") else None,

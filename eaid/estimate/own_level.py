@@ -6,6 +6,7 @@ W is what the gains of the runs, as they scatter, and the time constants leave o
 with it (`estimate/mixed.py`).
 """
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,6 +25,8 @@ AT_REST = 0.02  # Part of the largest output up to which that of a level stays a
 # Squares over those of T_s(u) through levels of one output, up to which a limit of the drive explains them
 AS_LIMITED = 1.02
 FAR = np.log(10.0)  # Logarithm from which a level is far off its curve, as where that is next to 0
+# Levels that tell an exchange of two, by which part T_s falls at one, and what a cubic then leaves of its squares
+FEWEST_EXCHANGED, FALLEN, EXCHANGED_LEAVES = 5, 0.1, 0.1
 # Levels of one output: the part of it, and standard errors of the difference, by which they differ at most; how many,
 # over which inputs, and how far the curve is off a level
 LEAST_ALIKE, ALIKE_TO, SURELY, FEWEST_FLAT, FLAT_OVER, OFF_CURVE = 0.01, 0.04, 3.5, 2, 1.2, 0.04
@@ -80,6 +83,30 @@ def levels_scatter(
     sizes = {"scatter_pct": 100 * float(np.sqrt(line.v[0])), "off_pct": None if far else 100 * float(np.expm1(off[i]))}
     said: dict[str, Value] = {"worst": float(u[i]), "by_curve": by_curve, "parameter": parameter}
     return [finding("levels-scatter", "nonlinear", (), **said, **sizes)]
+
+
+def find_exchanged(u: Array, Ts: Array) -> list[Finding]:
+    """Two levels whose names look exchanged: T_s of the levels, (L,), then rises with the input where it did not, and a
+    cubic leaves a small part of what it left."""
+    order = np.argsort(u)
+    Ts = Ts[order]
+    if len(u) < FEWEST_EXCHANGED or (Ts <= 0).any() or (np.diff(Ts) > -FALLEN * Ts[:-1]).all():
+        return []
+    rows = np.vander(u[order] / u.max(), 4) / Ts.max()
+
+    def misfit(values: Array) -> float:
+        return float(np.sum((rows @ np.linalg.lstsq(rows, values, rcond=None)[0] - values) ** 2))
+
+    tried = []
+    for i, j in itertools.combinations(range(len(u)), 2):
+        other = Ts.copy()
+        other[[i, j]] = Ts[[j, i]]
+        if (np.diff(other) > 0).all():
+            tried.append((misfit(other), i, j))
+    if not tried or min(tried)[0] > EXCHANGED_LEAVES * misfit(Ts):
+        return []
+    pair = [u[order][k].item() for k in min(tried)[1:]]
+    return [finding("levels-exchanged", "nonlinear", pair, low=pair[0], high=pair[1])]
 
 
 def find_levelled_off(

@@ -22,6 +22,9 @@ NOISY_REST = 5e-3  # An input below rest by this part of its largest, or …
 NOISY = 6.0  # … so many deviations of its noise …
 NOISY_REST_MOST = 0.05  # … up to this part, is a noisy rest, …
 AROUND = 1.5  # … and what is nearer to rest than so many times that is at rest too
+# Of an output whose sensor ends: different values, and rows at the largest; how many times more these are than those at
+# a value next to it; and the part of its range by which it comes there in one row
+FEWEST_VALUES, FEWEST_AT_LIMIT, TIMES_MORE, LEAST_JUMP = 100, 20, 10, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,9 @@ class RecordedLog:
     sha256: str = ""
     others: Callable[[], Beside] = tuple  # Reads the columns beside it that move
     creep: tuple[float, float] = (0.0, 0.0)  # That was taken off the output, straight and bent (`creep_at`)
+    drift: float = 0.0  # By which part its gain grew from begin to end, which was taken off its output
+    limit: float | None = None  # Where its sensor ends: rows that stand there are not known; None: nowhere
+    at_limit_pct: float = 0.0
 
     @cached_property
     def starts_idle(self) -> bool:
@@ -122,17 +128,26 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
     top, below = float(level.max()), -float(level.min())
     if 0 < below <= min(max(NOISY_REST * top, NOISY * sample_noise(level)), NOISY_REST_MOST * top):
         level = np.where(np.abs(level) <= AROUND * below, 0.0, level)
-    return RecordedLog(
-        run.name,
-        run.time_s,
-        read_only(level),
-        run.output,
-        run.reference_nm,
-        run.baseline,
-        source=run.source,
-        sha256=run.sha256,
-        others=run.others,
-    )
+    log = RecordedLog(
+        run.name, run.time_s, read_only(level), run.output, run.reference_nm, run.baseline, source=run.source,
+        sha256=run.sha256, others=run.others,
+    )  # fmt: skip
+    if run.reference_nm is not None or not (there := at_limit(run.output)).any():
+        return log
+    output, limit = np.where(there, np.nan, run.output), float(np.nanmax(run.output))
+    return replace(log, output=read_only(output), limit=limit, at_limit_pct=100 * float(there.mean()))
+
+
+def at_limit(output: Array) -> NDArray[np.bool_]:
+    """Rows at which an output stands at its largest value as only one does whose sensor ends there, (n,): again and
+    again where noise, or a response that comes to rest, would hardly twice."""
+    values, counts = np.unique(output[np.isfinite(output)], return_counts=True)
+    there = output == values[-1]
+    if len(values) < FEWEST_VALUES or counts[-1] < FEWEST_AT_LIMIT or counts[-1] < TIMES_MORE * counts[-21:-1].max():
+        return np.zeros(len(output), dtype=bool)
+    enters = np.flatnonzero(there[1:] & ~there[:-1])
+    jumps = len(enters) > 0 and median(values[-1] - output[enters]) > LEAST_JUMP * float(values[-1] - values[0])
+    return there if jumps else np.zeros(len(output), dtype=bool)
 
 
 def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
@@ -182,6 +197,17 @@ def take_off_creep(log: RecordedLog, creep: Array) -> RecordedLog:
     share = (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
     straight, bent = (np.array(log.creep) + creep).tolist()
     return replace(log, output=log.output - creep_at(share) @ creep, creep=(straight, bent))
+
+
+def take_off_drift(log: RecordedLog, drift: float, idle: float) -> RecordedLog:
+    """The log as if its gain had not grown."""
+    share = (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
+    return replace(log, output=without_drift(log.output, share, idle, drift), drift=drift)
+
+
+def without_drift(output: Array, share: Array, idle: float, drift: float) -> Array:
+    """An output as the gain amid its log makes it, (n,); `share` of the log is over at its rows."""
+    return np.asarray(idle + (output - idle) / (1 + drift * (share - 0.5)))
 
 
 def shift_input(log: RecordedLog, rows: int) -> RecordedLog:

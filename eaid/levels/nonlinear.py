@@ -16,7 +16,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array
 from eaid.estimate.coefficients import coefficients_of, map_unknowns, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
-from eaid.estimate.own_level import find_levelled_off, levels_scatter
+from eaid.estimate.own_level import find_exchanged, find_levelled_off, levels_scatter
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, held_parameters
 from eaid.estimate.spread import Influence, correct_score, gains_of, t_quantile
@@ -231,10 +231,12 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
             found.append(finding("model-explains-little", "nonlinear", R2=part.R2, fit_pct=part.fit_pct))
         else:
             found.append(finding("curve-misses-levels", "nonlinear", [row.level for row in nothing], **values))
+    u = estimate.solved.steps.data.u
+    if exchanged := find_exchanged(u, estimate.solved.at.theta[0]):
+        return exchanged
     found += (flat := find_flat_levels(estimate, bool(part.Ts_through)))
     if part.Ts_through or (line := estimate.levels_about_curve) is None:
         return found
-    u = estimate.solved.steps.data.u
     curve = np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
     return [*found, *levels_scatter(line, u, estimate.own_Ts[0], curve, by_curve=bool(flat))]
 

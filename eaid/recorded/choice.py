@@ -1,23 +1,23 @@
 """Which plant recorded logs have: the clutch's own form, with its dead time and its falls, or another kind of lag."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from scipy.special import chdtri
 
-from eaid.arrays import white_squares
+from eaid.arrays import Array, white_squares
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
-from eaid.estimate.recorded_log import RecordedLog, add_rest, shift_input, take_off_creep
+from eaid.estimate.recorded_log import RecordedLog, add_rest, shift_input, take_off_creep, take_off_drift
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE, share_is_told
 from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
-from eaid.recorded.creep import LEAST_GAIN, by_noise, find_creeps, find_gain_drift, refit_with_creeps, sure
+from eaid.recorded.creep import LEAST_GAIN, SURE_GAIN, by_noise, find_creeps, find_gain_drift, refit_with_creeps, sure
 from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import (
     FALL_CHANCE,
@@ -76,6 +76,7 @@ LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
+DRIFT_ROUNDS = 3  # In which drifts of gains are found
 ALL_INPUTS = 11  # Inputs over which a form is laid out
 FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
@@ -138,9 +139,9 @@ def choose_plant(
     if others or not falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
     if (gains := find_gain_drift([one for one in (chosen.solved, chosen.clutch) if one is not None])) is not None:
-        rows = zip(chosen.logs, (100 * gains).tolist(), strict=True)
-        told = [finding("gain-drifts", log.name, pct=pct) for log, pct in rows if abs(pct) > 100 * LEAST_GAIN]
-        return replace(chosen, findings=[*chosen.findings, *told])
+        return _choose_behind_drift(
+            logs, gains, chosen, lambda plain: _choose_plant(plain, others, inputs, options, rests, of_steps_s, falls)
+        )
     creeps = find_creeps(chosen.solved, chosen.clutch, chosen.logs)
     if not creeps.any():
         return chosen
@@ -149,6 +150,24 @@ def choose_plant(
     solved, without = refit_with_creeps(again.solved, again.logs)
     better = solved.cost < chosen.solved.cost - by_noise(solved, len(logs))
     return replace(again, solved=solved, logs=without) if better and sure(solved, without) else chosen
+
+
+def _choose_behind_drift(
+    logs: Sequence[RecordedLog], gains: Array, chosen: Chosen, choose: Callable[[Sequence[RecordedLog]], Chosen]
+) -> Chosen:
+    """The plant of logs whose gains grow by such parts, as those amid them make it, which is told."""
+    again, total = chosen, gains
+    for _ in range(DRIFT_ROUNDS):
+        plain = [take_off_drift(log, part, idle_found(again.solved, k) + (log.baseline or 0.0))
+                 for k, (log, part) in enumerate(zip(logs, total.tolist(), strict=True))]  # fmt: skip
+        again = choose(plain)
+        more = find_gain_drift([one for one in (again.solved, again.clutch) if one is not None], SURE_GAIN)
+        if more is None:
+            break
+        total = total + more
+    rows = zip(logs, (100 * total).tolist(), strict=True)
+    told = [finding("gain-drifts", log.name, pct=pct) for log, pct in rows if abs(pct) > 100 * LEAST_GAIN]
+    return replace(again, findings=[*again.findings, *told])
 
 
 def _choose_plant(

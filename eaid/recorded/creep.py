@@ -24,7 +24,7 @@ from eaid.recorded.kinds import count_independent
 from eaid.recorded.log_intervals import Spread, effective_samples, spread
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
-LEAST_GAIN = 0.03  # Part by which a gain drifts over a log that is told
+LEAST_GAIN, SURE_GAIN = 0.03, 0.001  # Part by which a gain drifts over a log that is told, and to which it is found
 MOST_BENT = 0.7  # Of that, amid the log: half where it warms up at once
 
 
@@ -55,14 +55,14 @@ def find_creeps(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLo
     return creeps if LEAST_PART < straight < MOST_PART and bent < MOST_BENT * straight else nothing
 
 
-def find_gain_drift(tried: Sequence[Solved]) -> Array | None:
+def find_gain_drift(tried: Sequence[Solved], least: float = LEAST_GAIN) -> Array | None:
     """By what part the gain of each log grows from its begin to its end, (L,), by one linear step of the fit of some
-    that is explained best so; None where noise, or an output that creeps, explains as much or more.
+    that is explained best so; None where noise, or an output that creeps, explains as much or more, or it is little.
 
         y = (1 + g (s − ½)) response
     """
     _, gains, ahead = min((_fit_drift(one) for one in tried), key=lambda one: one[0])
-    return gains if ahead and max(map(abs, gains)) > LEAST_GAIN else None
+    return gains if ahead and max(map(abs, gains)) > least else None
 
 
 def _fit_drift(solved: Solved) -> tuple[float, Array, bool]:

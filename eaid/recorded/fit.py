@@ -67,8 +67,8 @@ MOST_HIDDEN = 0.2  # Part of the changes of an input that gaps may hide
 EXPLAINED_PCT = 80.0  # Of each log, from which on its steps by themselves are not asked
 
 
-def log_part(solved: Solved, k: int, log: RecordedLog, creep: tuple[float, float]) -> LogFit:
-    """The result of one log of a fit, from whose output a creep was taken off."""
+def log_part(solved: Solved, k: int, log: RecordedLog, fitted: RecordedLog) -> LogFit:
+    """The result of one log of a fit, from whose output a creep, or a drift of its gain, may have been taken off."""
     drive = solved.setup.drives[k]
     counted = drive.w > 0
     missed, y = solved.missed[k], solved.outputs[k]
@@ -87,7 +87,8 @@ def log_part(solved: Solved, k: int, log: RecordedLog, creep: tuple[float, float
         input_kind="stepwise" if log.stepwise else "moving",
         idle=idle_found(solved, k) + (log.baseline or 0.0),
         start=start_states(solved, k),
-        creep=creep,
+        creep=fitted.creep,
+        drift=fitted.drift,
         counted_from_s=float(time_s[0] - log.time_s[np.isfinite(log.output)][0]),
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
@@ -427,7 +428,7 @@ def judge_logs(
     rows = zip(logs, chosen.logs, chosen.late, strict=True)
     return Recorded(
         logs=tuple(
-            msgspec.structs.replace(log_part(base, k, log, without.creep), late_rows=late.rows)
+            msgspec.structs.replace(log_part(base, k, log, without), late_rows=late.rows)
             for k, (log, without, late) in enumerate(rows)
         ),
         steps=len(others),

@@ -23,7 +23,6 @@ INPUT_JUMP = 0.1  # A jump, as a part of the largest input
 FOLLOWS_SURELY = 0.5  # Correlation of output and input from which its sign is that of the rig
 FAST_PCT = 20.0
 SATURATED_PCT = 20.0
-CLIPPED_PCT = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +127,7 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
     """Warnings in the inputs, log by log and together."""
     findings = []
     for log in logs:
-        known, top = np.isfinite(log.output), float(np.abs(log.input).max())
+        top = float(np.abs(log.input).max())
         step = np.abs(np.diff(log.input)) > INPUT_JUMP * top
         alone = int((step[1:] & step[:-1]).sum())  # rows that differ much from both neighbours
         share = 100.0 * alone / max(int((log.input != 0).sum()), 1)
@@ -137,11 +136,8 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
         share = 100.0 * log.saturated
         if (not log.stepwise or log.reference is not None) and share > SATURATED_PCT:
             findings.append(finding("input-saturates", log.name, share_pct=share, limit=top))
-        # an output at its largest value while different inputs act, and never near it otherwise
-        y, limit = log.output[known], float(log.output[known].max())
-        share = 100.0 * float((y == limit).mean())
-        if share > CLIPPED_PCT and len(np.unique(y)) >= 20 and np.ptp(log.input[known][y == limit]) > INPUT_JUMP * top:
-            findings.append(finding("output-saturates", log.name, share_pct=share, limit=limit))
+        if log.limit is not None:
+            findings.append(finding("output-saturates", log.name, share_pct=log.at_limit_pct, limit=log.limit))
     findings += [
         finding("input-never-moves", log.name, level=float(log.input[0]))
         for log in logs

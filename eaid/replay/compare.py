@@ -21,7 +21,7 @@ import numpy as np
 
 from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError
-from eaid.estimate.recorded_log import creep_at, recorded_log, shift_input
+from eaid.estimate.recorded_log import creep_at, recorded_log, shift_input, without_drift
 from eaid.logs.run import Run
 from eaid.plant.dynamics import Plant, plant_numbers, plant_rest, plant_terms
 from eaid.plant.respond import left_of_start, respond
@@ -72,7 +72,8 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     if own is not None:
         level = shift_input(level, own.late_rows)
         share = (run.time_s - run.time_s[0]) / (run.time_s[-1] - run.time_s[0])
-        run = replace(run, output=run.output - creep_at(share) @ np.array(own.creep))
+        output = without_drift(run.output, share, own.idle or 0.0, own.drift)
+        run = replace(run, output=output - creep_at(share) @ np.array(own.creep))
     elif run.sha256 and any(one.sha256 == run.sha256 for one in fit.data.sources):  # a log of its steps
         level = shift_input(level, round(fit.noted_late_s / median(level.dt_s)))
         run = without_creep(run, fit)
@@ -89,7 +90,7 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
         changes_s, inputs = np.append(time_s[0] - time_s[1], time_s), np.append(0.0, duty)
     model = read_only(respond(plant, changes_s, inputs, time_s, start, stepwise))
     from_s = own.counted_from_s if own is not None else 0.0
-    counted = slice(int(np.searchsorted(time_s, from_s - 1e-9 * time_s[-1])), None)
+    counted = (time_s >= from_s - 1e-9 * time_s[-1]) & np.isfinite(level.output)
     metrics = apart(torque[counted], model[counted], idle, start[0] + start[1] * plant_numbers(plant).z)
     return Record(
         {"time_s": time_s, "reference_nm": torque, "torque_nm": model, "duty_pct": run.input},

@@ -12,7 +12,7 @@ from eaid.control.gains import plant_of, refuse_other_units
 from eaid.declared import part
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw, drawable
-from eaid.findings import Finding, finding, ranked
+from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
 from eaid.options import Rig, SimulateOptions
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers
@@ -76,6 +76,7 @@ def simulate(
         outcome = {run.name: compared(run, fit, model) for run in runs}, {}, []
         if any(without_creep(run, fit) is not run for run in runs):
             findings.append(finding("log-without-creep", "data"))
+        findings += merged([one for run in runs for one in run.findings if one.code == "rows-dropped"])
     elif what == "rehab":
         outcome = _rehabilitated(fit, plant, controllers, scales.top, rig, options, dt_s)
     else:

@@ -41,6 +41,8 @@ class LogFit(Result, frozen=True):
     creep: tuple[Number, Number] = (0.0, 0.0)
     """A creep of the output beside the response, which the fit is without: how far it went by the end of the log, and
     how much farther than half of that it was amid the log."""
+    drift: Number = 0.0
+    """Part by which its gain grew from its start to its end; the fit is of the gain amid it."""
     counted_from_s: Number = 0.0
     """Time since the first row from which the output is compared: before, an input from before the log acts."""
     late_rows: Count = 0

@@ -390,3 +390,15 @@ def test_an_output_that_drifts_over_the_session_is_told_where_a_clock_shows_the_
     if pct:
         assert told["session-drifts"]["pct"] == pytest.approx(pct, abs=6.0)
         assert told["session-drifts"]["ordered"] == (order == "levels")
+
+
+@pytest.mark.parametrize("curve", ["auto", "levels", "cubic"])
+def test_two_levels_whose_names_are_exchanged_stop_the_fit(curve: str) -> None:
+    """It was usable, and the advice, a curve through the levels, hid what was left of it."""
+    true = [REFERENCE_PLANT.at(u).Ts for u in (40.0, 60.0)]
+    off = {40.0: true[1] / true[0], 60.0: true[0] / true[1]}
+    fit = fitted(20.0, 3, off=off, curve=curve)
+    told = {one.code: one for one in fit.findings}
+    assert told["levels-exchanged"].levels == (40.0, 60.0)
+    assert not fit.verdict.usable
+    assert "levels-exchanged" not in codes(fitted(20.0, 3, off=OFF))

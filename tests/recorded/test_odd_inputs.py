@@ -8,7 +8,7 @@ import pytest
 
 import eaid
 from eaid.estimate.draw import draw, drawable
-from eaid.estimate.recorded_log import RecordedLog
+from eaid.estimate.recorded_log import RecordedLog, at_limit
 from eaid.findings import say
 from eaid.options import FitOptions
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant
@@ -223,3 +223,30 @@ def test_a_log_whose_input_changes_within_its_gaps_must_not_be_used():
     holes = replace(whole, time_s=t[kept], input=u[kept], output=whole.output[kept])
     assert "changes-in-gaps" in [one.code for one in fit_recorded([holes]).findings]
     assert "changes-in-gaps" not in [one.code for one in fit_recorded([whole]).findings]
+
+
+@pytest.mark.parametrize("limit", [2.6, 3.4])
+def test_rows_at_the_end_of_a_sensor_are_left_out(limit, tmp_path):
+    """They were the steady value: T_s 8 % low at 100 %, and τ1 too short by a fifth, with no word of a single spell."""
+    random, t = np.random.default_rng(8), np.arange(0.0, 200.0, 0.02)
+    held = random.uniform(10.0, 100.0, 60), random.integers(100, 300, 60)
+    u = np.append(np.zeros(100), np.repeat(*held))[: len(t)]
+    t, path = t[: len(u)], tmp_path / "log.csv"
+    y = np.minimum(respond(REFERENCE_PLANT, t, u, t) + 0.01 * random.normal(size=len(t)), limit)
+    pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": y}).to_csv(path, index=False)
+    fit = eaid.fit(path)
+    told = {one.code: one.values for one in fit.findings}["output-saturates"]
+    assert told["limit"] == limit and told["share_pct"] == pytest.approx(100 * (y == limit).mean())
+    for duty in (20.0, 60.0, 95.0):
+        assert fit.plant.steady(duty) == pytest.approx(REFERENCE_PLANT.steady(duty), rel=0.02)
+        assert fit.plant.time_constants(duty)[0] == pytest.approx(REFERENCE_PLANT.time_constants(duty)[0], rel=0.05)
+    again = eaid.simulate(fit, log=path).records["log"]
+    assert again.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+
+
+def test_an_output_that_comes_to_rest_is_at_no_end_of_its_sensor():
+    t = np.arange(4000) * 0.01
+    assert log(t, np.where(t > 5, 80.0, 0.0), noise=0.0).limit is None
+    resting = np.minimum(1 - np.exp(-t / 0.5), 1 - 1e-9)
+    assert not at_limit(resting).any() and at_limit(np.minimum(np.sin(t), 0.9)).sum() > 500
+    assert not at_limit(np.round(resting + 0.02 * np.random.default_rng(1).normal(size=len(t)), 2)).any()

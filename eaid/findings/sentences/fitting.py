@@ -320,6 +320,10 @@ ROWS: dict[str, Row] = {
             + "; «curve» levels takes T_s through each of them" * ("Ts" in v["parameters"])
         )
     ),
+    "levels-exchanged": stop(
+        "levels {low:g} and {high:g} look exchanged: T_s rises with the input, and follows a curve, if each has the "
+        "other's name; name their logs right, or leave both out with «levels»"
+    ),
     "levels-scatter": caution(
         lambda v: (
             f"{'' if v.get('parameter', 'Ts') == 'Ts' else SYMBOLS[v['parameter']] + ' of '}levels scatter by "
@@ -452,8 +456,8 @@ ROWS: dict[str, Row] = {
         "share_pct",
     ),
     "output-saturates": caution(
-        "{subject}: the output stands at its largest value ({limit:.4g}) in {share_pct:.0f} % of the rows: the sensor "
-        "or its amplifier is at its end; the fit takes that for the steady value",
+        "{subject}: the output stands at its largest value ({limit:.4g}) in {share_pct:.2g} % of the rows: the sensor "
+        "or its amplifier ends there; these rows are left out, and what lies beyond is an extrapolation",
         "share_pct",
     ),
     "one-input-only": caution(

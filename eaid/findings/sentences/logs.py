@@ -162,8 +162,8 @@ ROWS: dict[str, Row] = {
         "every_s",
     ),
     "spikes": stop(
-        "{samples:#row} stand far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit "
-        "holds with them; «repair» drops such rows, up to 1 % of a log",
+        "{samples:#row} far out of the record, the largest {value:.4g} {unit} at {at_s:.6g} s: no fit holds with them; "
+        "«repair» drops such rows, up to 1 % of a log",
         "value",
         refit="--repair",
     ),
@@ -203,8 +203,8 @@ ROWS: dict[str, Row] = {
         rank=0,
     ),
     "gain-drifts": caution(
-        "{subject}: its output grows by {pct:+.2g} % from its start to its end at one input, as if the clutch warmed "
-        "up: T_s is that of its middle, and levels that were held early or late are off: record it warmed up",
+        "{subject}: its output changes by {pct:+.2g} % from its start to its end at one input, as if the clutch warmed "
+        "up: the fit is of the gain in its middle; record it warmed up",
         rank=0,
     ),
     "log-creeps": caution(
