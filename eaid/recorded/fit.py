@@ -39,7 +39,7 @@ from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, find_inputs, input_findings, move_range, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, spread_by_runs
-from eaid.recorded.plant_part import LevelsOwn, find_lags_off, find_own_levels, intervals, plant_part
+from eaid.recorded.plant_part import LagsOwn, LevelsOwn, find_own_lags, find_own_levels, intervals, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -207,16 +207,21 @@ def linear_of_logs(
 
 
 def friction_of_logs(
-    solved: Solved, levels: Array, known: CurveSpread | None, own: LevelsOwn | None = None
+    solved: Solved, levels: Array, known: CurveSpread | None, own: LevelsOwn | None = None, lags: LagsOwn | None = None
 ) -> Friction:
-    """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, T_s each level's own where the logs
+    """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, each level's own where the logs
     tell it, or each level's by itself."""
     share, tables = plant_found(solved).C, solved.curves(levels)
     ends = {row.level: row.ci95 for row in (() if known is None else known.rows)}
     steady = tables.steady if own is None else np.exp(own.Ts)
     for u, both in () if own is None or known is None else zip(own.u.tolist(), own.ends, strict=True):
         ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), Ts=both)
-    values = zip(steady.tolist(), tables.tau1.tolist(), tables.tau2.tolist(), strict=True)
+    taus = {"tau1": tables.tau1, "tau2": tables.tau2}
+    for name, low, value, high in () if lags is None else lags.rows:
+        taus[name] = value
+        for u, *both in zip(levels.tolist(), low.tolist(), high.tolist(), strict=True):
+            ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), **{name: tuple(both)})
+    values = zip(steady.tolist(), taus["tau1"].tolist(), taus["tau2"].tolist(), strict=True)
     rows = [
         FrictionLevel(
             one.level, Ts, tau1, tau2, share, rmse=one.rmse, sse=one.sse, fit_pct=one.fit_pct, R2=one.R2,
@@ -341,7 +346,8 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         return fit_of(*follow_levels(experiment, chosen, own))
     uncertainty = None if options.ci == "none" else spreads
     findings += [] if own is None else own.told
-    findings += find_lags_off(base, inputs, experiment.repeats) if spreads is not None else []
+    lags = find_own_lags(base, inputs, experiment.repeats) if spreads is not None else None
+    findings += [] if lags is None else lags.told
     known = None
     if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):
         known = curves(base, uncertainty, inputs.shown)
@@ -356,7 +362,9 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)
     linear = fit_linear_beside(base, chosen, inputs, options, experiment.repeats) if "linear" in wanted else None
     by_model = "nonlinear" in wanted
-    friction = fit_friction_beside(base, inputs, options, known, own, by_model) if "friction" in wanted else None
+    friction = (
+        fit_friction_beside(base, inputs, options, known, (own, lags), by_model) if "friction" in wanted else None
+    )
     shown = "nonlinear" in wanted and base.setup.model.kind in ("parallel", "lag") and not base.setup.model.signed
     release = plant_found(base).release
     return Fit(
@@ -452,15 +460,16 @@ def fit_linear_beside(
 
 
 def fit_friction_beside(
-    base: Solved, inputs: Excited, options: FitOptions, known: CurveSpread | None, own: LevelsOwn | None, of_model: bool
-) -> Friction | None:
+    base: Solved, inputs: Excited, options: FitOptions, known: CurveSpread | None,
+    own: tuple[LevelsOwn | None, LagsOwn | None], of_model: bool,
+) -> Friction | None:  # fmt: skip
     """The curves of the levels, those `of_model` with T_s their own, or all by themselves; None where inputs move, or C
     is free."""
     share, few = options.held_share, inputs.stepwise and len(inputs.levels) <= FEW_LEVELS
     if not few or share is None or base.setup.model.kind != "parallel":
         return None
     if of_model:
-        return friction_of_logs(base, inputs.levels, known, own)
+        return friction_of_logs(base, inputs.levels, known, *own)
     extras = tuple(name for name in base.fitted.extras if name != "dead")
     setup = replace(base.fitted, extras=(), creeping=0, dead_time_s=base.fitted.dead_time(base.x))
     solved = fit_setup(replace(setup, model=forms.friction(inputs.levels, share)))

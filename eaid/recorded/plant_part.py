@@ -131,31 +131,54 @@ def _by_logs(found: Solved, u: Array) -> ByThemselves | None:
     return Ts, covariance / np.outer(Ts, Ts), degrees, None
 
 
-def find_lags_off(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> list[Finding]:
-    """Said where the one lag of held levels lies off its curve by more than the logs, or the runs of levels, leave
-    open: each level's τ, and T_s, is an unknown in place of the curves' coefficients."""
+@dataclass(frozen=True, eq=False)
+class LagsOwn:
+    """Time constants of held levels, their own where no curve follows them: by name ln τ of each level, and the
+    half-width of its interval, (L,)."""
+
+    own: dict[str, tuple[Array, Array]]
+    told: list[Finding]
+
+    @property
+    def rows(self) -> list[tuple[str, Array, Array, Array]]:
+        """By name the lower ends, the values and the upper ends, (L,)."""
+        pairs = ((name, value, half) for name, (value, half) in self.own.items())
+        return [(name, np.exp(value - half), np.exp(value), np.exp(value + half)) for name, value, half in pairs]
+
+
+def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> LagsOwn | None:
+    """Where the time constants of held levels lie off their curves by more than the logs, or the runs of levels, leave
+    open: each level's τ1 and τ2, and T_s, is an unknown in place of the curves' coefficients."""
     setup, model, part = solved.fitted, solved.fitted.model, solved.fitted.model.slices[1]
     u = np.array([level.level for level in levels]) if levels else inputs.levels
     held = inputs.stepwise and 1 < part.stop - part.start <= len(u) - LEVELS_TO_SPARE and len(u) <= FEW_LEVELS
-    if model.kind != "lag" or model.signed or not held:  # one that is constant the evidence has chosen
-        return []
+    several, two = max((len(level.runs) for level in levels), default=0) > 1, model.tau2 is not None
+    if model.kind not in ("lag", "parallel") or model.signed or not held or (two and several):
+        return None  # what is constant the evidence has chosen
     curve, each = solved.curves(u), PerLevel(tuple(u.tolist()))
-    begin = np.r_[curve.steady, curve.tau1, solved.x[part.stop :]]
-    found = fit_near(replace(setup, model=replace(model, Ts=each, tau1=each)), begin)
-    tau = found.x[len(u) : 2 * len(u)]
-    if not found.solver.converged or (tau <= 0).any():
-        return []
-    if max((len(level.runs) for level in levels), default=0) > 1:
-        covariance, degrees = _lags_by_runs(found, levels)
-    else:
-        rows, of = np.eye(len(found.x))[len(u) : 2 * len(u)], spread(found)
-        covariance = rows @ of.covariance @ rows.T / np.outer(tau, tau)
-        degrees = min(of.variance(row)[1] for row in rows)
-    line = levels_about(tau, curve.tau1, setup.slopes(u)[1][:, part], covariance)
-    own, _, _ = pull_to_line(line, curve.tau1, degrees)
-    if not np.sqrt(np.diag(covariance)).max() < LAG_KNOWN or np.abs(own - np.log(curve.tau1)).max() < LAG_OFF:
-        return []
-    return levels_scatter(line, u, own, np.log(curve.tau1), by_curve=True, parameter="tau1")
+    at_curve = {"tau1": curve.tau1, "tau2": curve.tau2} if two else {"tau1": curve.tau1}
+    by_level = replace(model, Ts=each, tau1=each, tau2=each if two else None)
+    begin = np.r_[curve.steady, *at_curve.values(), solved.x[model.slices[2].stop :]]
+    found = fit_near(replace(setup, model=by_level), begin)
+    of, told, own = spread(found), list[Finding](), dict[str, tuple[Array, Array]]()
+    for k, (name, on_curve) in enumerate(at_curve.items(), 1):
+        place = slice(k * len(u), (k + 1) * len(u))
+        tau, rows = found.x[place], np.eye(len(found.x))[place]
+        if not found.solver.converged or (tau <= 0).any():
+            return None
+        if several:
+            covariance, degrees = _lags_by_runs(found, levels)
+        else:
+            covariance = rows @ of.covariance @ rows.T / np.outer(tau, tau)
+            degrees = min(of.variance(row)[1] for row in rows)
+        if not np.sqrt(np.diag(covariance)).max() < LAG_KNOWN:
+            continue
+        line = levels_about(tau, on_curve, setup.slopes(u)[k][:, model.slices[k]], covariance)
+        value, half, _ = pull_to_line(line, on_curve, degrees)
+        if np.abs(value - np.log(on_curve)).max() >= LAG_OFF:
+            more = levels_scatter(line, u, value, np.log(on_curve), by_curve=True, parameter=name)
+            told, own = [*told, *more], own | ({name: (value, half)} if more else {})
+    return LagsOwn(own, told)
 
 
 def _lags_by_runs(found: Solved, levels: Sequence[Level]) -> tuple[Array, float]:

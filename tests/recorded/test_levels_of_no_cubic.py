@@ -66,3 +66,28 @@ def test_a_cubic_stays_one() -> None:
     fit = fitted("cubic", "auto")
     assert not fit.plant.Ts_through and "levels-scatter" not in codes(fit)
     assert fit.plant == fitted("cubic", "cubic").plant
+
+
+def test_time_constants_of_no_quadratic_are_each_levels_own() -> None:
+    """The quadratic was up to 13 % off within intervals of 2 %, without a word, and the logs explained to 99.6 %."""
+    random, x, parts = np.random.default_rng(1), np.zeros(2), [(0.0, np.zeros(250))]
+    true = {u: (0.2 + 0.4 * np.exp(-u / 20), 4 + 8 * np.exp(-u / 15)) for u in np.arange(10.0, 101.0, 10.0).tolist()}
+    up = [*true]
+    for u in [*up, *up[-2::-1], *up[::2], *up[-2::-2]]:
+        t = np.arange(int(random.uniform(500, 950)) + 1) * 0.02
+        target = 0.04 * u * np.array([C, 1 - C])
+        states = target + (x - target) * np.exp(-t[:, None] / np.array(true[u]))
+        x = states[-1]
+        parts.append((u, states[:-1].sum(axis=1)))
+    held, outputs = zip(*parts, strict=True)
+    y = np.concatenate(outputs) + 0.004 * random.standard_normal(sum(map(len, outputs)))
+    duty = np.repeat(held, [len(one) for one in outputs])
+    fit = eaid.fit(pd.DataFrame({"time_s": 0.02 * np.arange(len(y)), "duty_pct": duty, "torque_nm": y}))
+    told = [one.values["parameter"] for one in fit.findings if one.code == "levels-scatter"]
+    assert told == ["tau1", "tau2"]
+    for row in fit.friction_levels:
+        tau1, tau2 = true[row.level]
+        assert row.tau1 == pytest.approx(tau1, rel=0.02) and row.tau2 == pytest.approx(tau2, rel=0.05)
+        curve = [float(one) for one in fit.plant.time_constants(row.level)]
+        assert row.ci95.tau1[0] < row.tau1 < row.ci95.tau1[1]
+        assert row.level != 10 or curve[0] < 0.95 * row.tau1

@@ -180,7 +180,7 @@ def test_findings_of_a_set_the_gravest_first_and_each_once() -> None:
     steps = read([*spiked, log([(0, 2), (80, 6)])])
     found = steps.all_findings
     assert [(one.code, one.severity) for one in found] == [("runs-left-out", "caution")]
-    assert (found[0].values["runs"], found[0].values["of"]) == (("a", "b"), 3) and "stand far out" in found[0].values[
+    assert (found[0].values["runs"], found[0].values["of"]) == (("a", "b"), 3) and "far out of" in found[0].values[
         "why"
     ]
     assert [level.level for level in steps.levels] == [80.0] and [run.left_out for run in steps.runs] == [
