@@ -142,6 +142,7 @@ def fit(
     steps = source if isinstance(source, StepSet) else read(source, progress=progress)
     _ask(steps)
     from eaid.levels.asks import asks_for_another_kind
+    from eaid.levels.tails import as_fitted
     from eaid.levels.workflow import fit_steps
     from eaid.replay.compare import of_own_logs, residuals_of_logs
     from eaid.results.common import Samples
@@ -173,9 +174,8 @@ def fit(
             fitted = try_another_kind(as_clutch, steps, how)
     of_data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
     fitted = judged(msgspec.structs.replace(fitted, data=of_data))
+    steps = as_fitted(steps, fitted)
     responses = responses_of(steps.noted_late(fitted.noted_late_s), as_clutch.findings)
-    if (creep := fitted.data.creep) is not None:
-        steps = steps.without_creep(creep.rate, creep.t0_s)
     more = {"responses": responses, "parameters": parameters_of(fitted), "samples": Samples(steps)}
     return msgspec.structs.replace(fitted, **more)
 

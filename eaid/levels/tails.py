@@ -23,6 +23,7 @@ from eaid.levels.release import LEFT_SAVES
 from eaid.plant.dynamics import Plant, plant_numbers, plant_pull, plant_step
 from eaid.plant.respond import at_rest
 from eaid.plant.steps import decay
+from eaid.results.fit import Fit
 from eaid.results.models import Release
 from eaid.results.plant import with_release
 from eaid.shapes.intervals import mean_before
@@ -94,6 +95,13 @@ def take_off_tails(stepset: StepSet, plant: Plant, tails: Tails) -> StepSet:
 
     rows = tuple(replace(run, idle_slope=None) for run in stepset.runs)
     return replace(stepset, levels=tuple(map(taken, stepset.levels)), runs=rows)
+
+
+def as_fitted(stepset: StepSet, fit: Fit) -> StepSet:
+    """Steps without the creep, and the tails, that their fit is without."""
+    if (creep := fit.data.creep) is not None:
+        stepset = stepset.without_creep(creep.rate, creep.t0_s)
+    return take_off_tails(stepset, fit.plant, find_tails(fit.plant, stepset)) if fit.on_tails else stepset
 
 
 def largest_part(stepset: StepSet, tails: Tails, before: Tails) -> tuple[float, float]:

@@ -112,7 +112,7 @@ def of_own_logs(fit: Fit, logs: Sequence[Run]) -> tuple[LogReplayed, ...]:
     rest, found = float(fit.options.reading.get("rest") or 0.0), []
     fitted = {one.sha256 for one in fit.data.sources if one.edge != "falling"}
     for run in logs if fit.plant_ is not None else ():
-        if run.sha256 not in fitted:  # it was left out
+        if run.sha256 not in fitted or (run.cut and fit.on_tails):  # it was left out, or what it begins on is not known
             continue
         if np.isfinite(run.input).all() and run.edge == "rising" and recorded_log(run, rest).stepwise:
             metrics = compared(run, fit, fit.plant).metrics

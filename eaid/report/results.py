@@ -12,6 +12,7 @@ from eaid.declared import chosen
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.findings import Finding, say
+from eaid.levels.tails import as_fitted
 from eaid.options import CONTROLLERS, ReadOptions
 from eaid.progress import Progress, no_progress
 from eaid.reading import read_steps
@@ -94,11 +95,11 @@ class Results:
         return next((one.result for one in self.fits if one.result.data.kind == kind), None)
 
     def data_of(self, kind: str) -> StepSet | None:
-        """The first dataset of a kind that holds steps from rest, which is what figures of levels show, without the
-        creep that its fit is without."""
+        """The first dataset of a kind that holds steps from rest, which is what figures of levels show, without what
+        its fit is without."""
         found = next((one.result for one in self.data if one.result.kind == kind and one.result.levels), None)
-        creep = None if (fit := self.fit(kind)) is None else fit.data.creep
-        return found if found is None or creep is None else found.without_creep(creep.rate, creep.t0_s)
+        fit = self.fit(kind)
+        return found if found is None or fit is None else as_fitted(found, fit)
 
     def replay(self, scenario: str) -> Replay | None:
         """The first replay of a scenario."""

@@ -371,6 +371,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return own or (self.nonlinear.curves if self.nonlinear is not None else ())
 
     @property
+    def on_tails(self) -> bool:
+        """Whether its steps began on what those before had left, which was taken off."""
+        return any(one.code == "tails-taken-off" for one in self.findings)
+
+    @property
     def noted_late_s(self) -> float:
         """By how much the inputs of its steps were noted late [s]; it takes them as they acted."""
         return next((float(one.values["ms"]) / 1e3 for one in self.findings if one.code == "input-late"), 0.0)  # type: ignore[arg-type]

@@ -334,9 +334,10 @@ def _not_idle(step: Step) -> Finding | None:
     before = step.before
     if before is None or step.run.from_level != 0 or not step.swing > 0:
         return None
-    off = abs(before)
+    if (off := abs(before)) <= NOISE_FLOOR * step.swing:
+        return None
     rest = last_rest(step.idle, step.swing) if len(step.idle) >= FEWEST_HELD else None
-    if off <= NOISE_FLOOR * step.swing or (rest is not None and rest.rests):
+    if rest is not None and rest.rests:
         return None
     # within a sample and a half: the instant is known to one
     if off <= 0.75 * abs(float(step.rise[:3].mean()) - before):
