@@ -47,7 +47,7 @@ def responses_table(fit: Fit) -> Table:
     known = [one for one in quantities if any(getattr(row, one[2]) is not None for row in fit.responses)]
     return table_of(
         "Engagement and release",
-        "Of the steps themselves, no model: from the step to 90 % of the held output, peak and slip from it where there "
+        "Of the steps themselves: from the step to 90 % of the held output, peak and slip from it where there "
         "is one, mean of the last tenth of the hold, from the release to 10 %. Intervals: Student's t from what runs "
         "differ.",
         fit.responses, (("level", fit.data.input_unit), lambda one: level(one.level)), ("runs", "runs"),
