@@ -234,8 +234,9 @@ def steps_of(
     names = tuple(run.name for run in blanks)
     out = (finding("runs-left-out", "data", runs=names, of=len(runs), why="at rest throughout"),) if blanks else ()
     runs = [run for run in runs if not any(run is one for one in blanks)]
-    fitted = [fitted_as(run, options.rest) if how == "auto" else how for run in runs]
-    uncut = [run for run, as_ in zip(runs, fitted, strict=True) if as_ == "recorded"]
+    fitted = ["recorded" if how == "recorded" else fitted_as(run, options.rest) for run in runs]
+    runs = [replace(run, swept=True) if as_ == "sweep" else run for run, as_ in zip(runs, fitted, strict=True)]
+    uncut = [run for run, as_ in zip(runs, fitted, strict=True) if as_ == "recorded" and how != "steps"]
     whole = [run for run in runs if not any(run is one for one in uncut)]
     steps, more = cut_runs(whole, options)
     if faults or more:
@@ -243,7 +244,7 @@ def steps_of(
     if how == "auto" and (two_sided(steps) or mostly_ramps(steps)):
         uncut, whole, steps = [*uncut, *whole], [], []
     steps = counted_once([bridged(Step(run)) for run in steps] if options.repair else steps)
-    swept = to_be_recorded(whole, options) if "sweep" in fitted else []
+    swept = to_be_recorded(whole, options) if "sweep" in fitted and how == "auto" else []
     uncut = to_be_recorded(uncut, options)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))

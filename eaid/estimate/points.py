@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.plant.dynamics import Step
-from eaid.plant.steps import slope_shapes, slope_sizes, step_response
+from eaid.plant.steps import decay, slope_shapes, slope_sizes, step_response
 
 POINTS_PER_BLOCK = 8
 SINGLE_ROWS = 16  # First samples, kept as they are: the fast rise may be over within them. A block is never shorter.
@@ -35,10 +35,12 @@ class Points:
     w: Array  # Weight: how many samples a point stands for, shape (L, P)
     # Whether curves are compared about their means: an unknown constant is then taken out of each level
     centred: bool = False
+    states: Array | None = None  # What the steps before have left of each state when these begin, shape (2, L)
 
     def rows(self, which: slice | list[int]) -> "Points":
         """The points of some levels."""
-        return Points(self.t_s[which], self.y[which], self.w[which], self.centred)
+        states = None if self.states is None else self.states[:, which]
+        return Points(self.t_s[which], self.y[which], self.w[which], self.centred, states)
 
     def about_mean(self, values: Array) -> Array:
         """Values at the points, (L, …, P), less their weighted mean."""
@@ -169,14 +171,18 @@ class Normal(NamedTuple):
 
 
 def level_normal(theta: Array, points: Points, torques: Callable[[Array, Array], Array] | None = None) -> Normal:
-    """Sums of the curves T_s φ of Eq. (3); `torques` gives T_s from Σ w φ² and Σ w φ y where it is to be solved for."""
-    s = points.slopes(theta)
+    """Sums of the curves T_s φ of Eq. (3), behind Σ x e^(−t/τ) of steps that do not begin at rest; `torques` gives T_s
+    from Σ w φ² and Σ w φ y where it is to be solved for."""
+    s, y, states = points.slopes(theta), points.y, np.zeros((2, 1)) if points.states is None else points.states
+    if points.states is not None:
+        y = y - (states[:, :, None] * decay(points.t_s, theta[1:3, :, None])).sum(axis=0)
     if torques is not None:
         weighed = s[:, 0] * points.w
-        theta = np.array([torques((weighed * s[:, 0]).sum(axis=1), (weighed * points.y).sum(axis=1)), *theta[1:]])
-    np.subtract(theta[0, :, None] * s[:, 0], points.y, out=s[:, 4])
+        theta = np.array([torques((weighed * s[:, 0]).sum(axis=1), (weighed * y).sum(axis=1)), *theta[1:]])
+    np.subtract(theta[0, :, None] * s[:, 0], y, out=s[:, 4])
     product = (s * points.w[:, None, :]) @ s.transpose(0, 2, 1)
     scale = slope_sizes(theta)
+    scale[:, 1:3] += (states / theta[1:3] ** 2).T
     product *= scale[:, :, None] * scale[:, None, :]
     return Normal(theta, product[:, 4, 4], product[:, :4, 4], product[:, :4, :4])
 

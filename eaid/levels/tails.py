@@ -3,15 +3,15 @@
     y  ←  y − Σ x_i e^(−t/τ_i) + Σ m_i
 
 x are the plant's states at the step, from its input since the log began; m is the mean of each over the rest that the
-step is counted from. A high level leaves a good part of a low one's output. The plant is then fitted to what is left,
-and so on until the tails stay as they are.
+step is counted from. A high level leaves a good part of a low one's output. τ1(u), τ2(u) and T_s are fitted with x as
+it is, whose fall tells τ as well, then x is found anew, until it stays as it is.
 
 Falls that end before the output has are fitted with the states from which they began and the idle output of their log:
 only their time constants are unknown, and the gain of each.
 """
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeAlias
 
@@ -19,6 +19,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from eaid.arrays import Array, best_gain
+from eaid.estimate.data import Data, data_of
 from eaid.levels.release import LEFT_SAVES
 from eaid.plant.dynamics import Plant, plant_numbers, plant_pull, plant_step
 from eaid.plant.respond import at_rest
@@ -31,7 +32,7 @@ from eaid.steps.stepset import Level, LevelStep, StepSet
 
 MATTERS = 0.003  # Part of its level's output by which a tail moves a step, from which all are taken off
 SETTLED = 1e-4  # The same, by which those of two rounds may differ
-ROUNDS = 25
+ROUNDS, FARTHEST_BACK = 25, (-4.0, 0.9)  # And, as a part of the last step, how far a secant may lead on or back
 FALL_ROWS = 200  # Rows of a fall, denser at its begin, by which its time constants are found
 
 
@@ -40,9 +41,8 @@ class At(NamedTuple):
 
     step: LevelStep
     states: tuple[float, float]
-    taus: tuple[float, float]  # With which they fall before it [s], of a step from rest
+    means: Array  # Of the states over the rest that a step from rest is counted from, (2,)
     idle: float  # The log's output at rest, from which its first step is counted
-    own_rest: bool  # Whether the step is counted from the rest before it: one that still moved is not taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +53,7 @@ class Tail:
     means: Array  # Over the rest that the step is counted from, (2,)
 
 
+NO_TAIL = Tail(np.zeros(2), np.zeros(2))
 Tails: TypeAlias = dict[tuple[float, str], Tail]  # By the level of a step from rest, and the name of its run
 
 
@@ -61,24 +62,23 @@ def follow_logs(plant: Plant, stepset: StepSet) -> Iterator[At]:
     numbers = plant_numbers(plant)
     order = sorted(stepset.level_steps, key=lambda one: (one.source, one.at_s))
     for _, of_log in itertools.groupby(order, key=lambda one: one.source):
-        x, u, left, since_s, starts = (0.0, 0.0), 0.0, 0.0, 0.0, list[float]()
+        x, u, left, since_s, rests = (0.0, 0.0), 0.0, 0.0, 0.0, dict[float, Array]()
         for step in of_log:
             acting = at_rest(numbers, left) if u == 0 else numbers
             x = plant_step(acting, *x, u, step.at_s - since_s)
-            own_rest = step.from_level == 0 and step.start not in starts
-            starts += [step.start] if own_rest else []
-            yield At(step, x, plant_pull(acting, *x, 0.0)[2:], (starts or [step.start])[0], own_rest)
+            part = [mean_before(step.rest_s or 0.0, tau) for tau in plant_pull(acting, *x, 0.0)[2:]]
+            # a rest that still moved is not taken, but that of a step before
+            means = rests.setdefault(step.start, np.array(x) * part) if step.from_level == 0 else np.zeros(2)
+            yield At(step, x, means, next(iter(rests), step.start))
             u, left, since_s = step.level, step.from_level, step.at_s
 
 
 def find_tails(plant: Plant, stepset: StepSet) -> Tails:
     """The tails of the steps from rest."""
-    found = Tails()
-    for step, x, taus, _, own_rest in follow_logs(plant, stepset):
-        if step.from_level == 0:
-            part = [mean_before(step.rest_s or 0.0, tau) if own_rest else 0.0 for tau in taus]
-            found[step.level, step.name] = Tail(np.array(x), np.array(x) * part)
-    return found
+    every = follow_logs(plant, stepset)
+    return {
+        (at.step.level, at.step.name): Tail(np.array(at.states), at.means) for at in every if at.step.from_level == 0
+    }
 
 
 def take_off_tails(stepset: StepSet, plant: Plant, tails: Tails) -> StepSet:
@@ -86,15 +86,21 @@ def take_off_tails(stepset: StepSet, plant: Plant, tails: Tails) -> StepSet:
 
     def taken(level: Level) -> Level:
         fallen = np.stack([decay(level.time_s, tau.item()) for tau in plant.time_constants(level.level)])
-        of_runs = [tails.get((level.level, name)) for name in level.names]
-        runs = [
-            run if one is None else run - one.states @ fallen + one.means.sum()
-            for run, one in zip(level.runs, of_runs, strict=True)
-        ]
-        return replace(level, runs=np.array(runs))
+        of_runs = [tails.get((level.level, name), NO_TAIL) for name in level.names]
+        rows = [run - one.states @ fallen + one.means.sum() for run, one in zip(level.runs, of_runs, strict=True)]
+        return replace(level, runs=np.array(rows))
 
     rows = tuple(replace(run, idle_slope=None) for run in stepset.runs)
     return replace(stepset, levels=tuple(map(taken, stepset.levels)), runs=rows)
+
+
+def data_on_tails(levels: Sequence[Level], tails: Tails) -> Data:
+    """The mean curves of levels as they were recorded, above the output at rest, with the states they begin from."""
+    means = [[tails.get((level.level, name), NO_TAIL) for name in level.names] for level in levels]
+    offsets = [np.array([[one.means.sum()] for one in of_runs]) for of_runs in means]
+    data = data_of([replace(one, runs=one.runs + off) for one, off in zip(levels, offsets, strict=True)])
+    states = np.array([np.mean([one.states for one in of_runs], axis=0) for of_runs in means]).T
+    return replace(data, compressed=replace(data.points, states=states))
 
 
 def as_fitted(stepset: StepSet, fit: Fit) -> StepSet:
@@ -104,15 +110,48 @@ def as_fitted(stepset: StepSet, fit: Fit) -> StepSet:
     return take_off_tails(stepset, fit.plant, find_tails(fit.plant, stepset)) if fit.on_tails else stepset
 
 
-def largest_part(stepset: StepSet, tails: Tails, before: Tails) -> tuple[float, float]:
-    """By which part of its level's output a tail moves a step most, beyond one `before`, and the level."""
+def largest_part(stepset: StepSet, tails: Tails, supposed: Tails | None = None) -> tuple[float, float]:
+    """By which part of its level's output a tail moves a step most, beyond one that was supposed, and the level."""
     parts = [(0.0, 0.0)]
     for level in stepset.levels:
         size = max(float(np.abs(level.mean).max()), 1e-300)
         for key in ((level.level, name) for name in level.names):
-            moved = tails[key].states - (before[key].states if key in before else 0.0) if key in tails else np.zeros(2)
+            moved = tails.get(key, NO_TAIL).states - (supposed or {}).get(key, NO_TAIL).states
             parts.append((float(np.abs(moved).sum()) / size, level.level))
     return max(parts)
+
+
+def settle_tails(
+    stepset: StepSet, plant: Plant, release: Release | None, refit: Callable[[Tails, StepSet], Plant]
+) -> tuple[Tails, Plant, Release | None]:
+    """The tails of steps, their plant and its release, each of which gives the others, begun at some; `refit` gives the
+    plant of steps with tails, and without them."""
+    supposed, rounds = find_tails(plant, stepset), list[tuple[Tails, Tails]]()
+    for _ in range(ROUNDS):
+        plant = refit(supposed, take_off_tails(stepset, plant, supposed))
+        release = release_behind_tails(plant, stepset, release)
+        plant = with_release(plant, release)
+        found = find_tails(plant, stepset)
+        if largest_part(stepset, found, supposed)[0] < SETTLED:
+            break
+        rounds = [*rounds[-1:], (supposed, found)]
+        supposed = _go_on(rounds)
+    return found, plant, release
+
+
+def _go_on(rounds: Sequence[tuple[Tails, Tails]]) -> Tails:
+    """Tails to suppose next by those that were, and those that were found with them: by the secant through two rounds
+    (Anderson), for they may go to and fro about what they settle to."""
+    now, keys = rounds[-1][1], list(rounds[-1][1])
+    if len(rounds) < 2:
+        return now
+    (x0, g0), (x, g) = (
+        [np.array([[tails[key].states, tails[key].means] for key in keys]) for tails in one] for one in rounds
+    )
+    left, change = g - x, (g - x) - (g0 - x0)
+    back = float(np.vdot(left, change)) / max(float(np.vdot(change, change)), 1e-300)
+    states, means = (g - np.clip(back, *FARTHEST_BACK) * (g - g0)).transpose(1, 0, 2)
+    return {key: Tail(one, mean) for key, one, mean in zip(keys, states, means, strict=True)}
 
 
 def release_behind_tails(plant: Plant, stepset: StepSet, release: Release | None) -> Release | None:

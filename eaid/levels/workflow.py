@@ -27,25 +27,16 @@ from eaid.levels.creep import find_share_and_creep
 from eaid.levels.drive_limit import explains_as_well, flat_levels, limit_at
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.friction import friction_part, quote_levels, reach_over_slow_parts, white_ends
-from eaid.levels.from_steps import Solution, fit_nonlinear, refit_nonlinear
+from eaid.levels.from_steps import Solution, fit_levels_first, fit_nonlinear, refit_nonlinear
 from eaid.levels.huber import fit_with_loss, huber_findings
 from eaid.levels.jitter import Starts, find_starts_apart, lay_in_step
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import find_flat_levels, nonlinear_part
 from eaid.levels.release import release_fit
 from eaid.levels.session_drift import session_drift
-from eaid.levels.tails import (
-    MATTERS,
-    ROUNDS,
-    SETTLED,
-    Tails,
-    find_tails,
-    largest_part,
-    release_behind_tails,
-    take_off_tails,
-)
+from eaid.levels.tails import MATTERS, Tails, data_on_tails, find_tails, largest_part, settle_tails, take_off_tails
 from eaid.options import MODELS, FitOptions, typed
-from eaid.plant.dynamics import SHARE
+from eaid.plant.dynamics import SHARE, Plant
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FitGiven
 from eaid.results.models import CreepFound, FittedData, Friction, LackOfFit, Release, Uncertainty
@@ -103,18 +94,17 @@ def fit_steps(
         if stepset.levels or not stepset.level_steps:
             begin = dead_time_of(stepset, options)
             stepset = stepset.noted_late(-begin.dead_time_s)
-            recorded, stepset = stepset, cut_behind(stepset, begin.dead_time_s)
-            result, scatter = _fit_levels(stepset, options, progress)
+            recorded = stepset, cut_behind(stepset, begin.dead_time_s)
+            sets, result, scatter = _fit_without_tails(recorded, options, progress)
             if starts is None and (found := find_starts_apart(scatter)) is not None:
                 return fit_steps(lay_in_step(as_given, found), options, progress, found)
             no_step = [one for one in result.findings if one.code in NO_STEP]
-            if no_step and sum(len(one.levels) for one in no_step) < len(stepset.levels) - len(options.hold_out):
-                stepset, recorded = stepset.without(no_step), recorded.without(no_step)
-                result = _fit_levels(stepset, options, progress)[0]
+            if no_step and sum(len(one.levels) for one in no_step) < len(recorded[1].levels) - len(options.hold_out):
+                recorded = recorded[0].without(no_step), recorded[1].without(no_step)
+                sets, result, _ = _fit_without_tails(recorded, options, progress)
             if options.curve == "auto" and (flat := flat_levels(result)) is not None:
-                recorded, stepset, result = _fit_within_limit(recorded, stepset, result, flat, options, progress)
-            sets, result = _fit_without_tails((recorded, stepset), result, options, progress)
-            stepset, result = _fit_beside((recorded, stepset), sets, result, options, progress)
+                recorded, sets, result = _fit_within_limit(recorded, sets, result, flat, options, progress)
+            stepset, result = _fit_beside(recorded, sets, result, options, progress)
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
         shapes = fit_single_steps(stepset, options)
@@ -157,49 +147,46 @@ def fit_steps(
 
 
 def _fit_within_limit(
-    recorded: StepSet, behind: StepSet, result: Fit, flat: Finding, options: FitOptions,
-    progress: Callable[[], None] | None,
-) -> tuple[StepSet, StepSet, Fit]:  # fmt: skip
-    """The set as recorded, the same behind its dead time and its fit: of a drive that ends where levels are `flat`,
-    where that explains them as well."""
+    recorded: Sets, sets: Sets, result: Fit, flat: Finding, options: FitOptions, progress: Callable[[], None] | None
+) -> tuple[Sets, Sets, Fit]:
+    """The sets as recorded, without tails, and their fit: of a drive that ends where levels are `flat`, where that
+    explains them as well."""
     if options.hold_out or options.bounds_levels:  # which may name levels beyond it
-        return recorded, behind, result
+        return recorded, sets, result
     told = msgspec.structs.replace(flat, values={**flat.values, "how": "limit"})
-    limited = [limit_at(one, told) for one in (recorded, behind)]
-    if limited[0] is None or limited[1] is None:
-        return recorded, behind, result
-    within, _ = _fit_levels(limited[1], options, progress)
-    as_well = explains_as_well(within, result, behind.levels)
-    return (limited[0], limited[1], within) if as_well else (recorded, behind, result)
+    first, behind = (limit_at(one, told) for one in recorded)
+    if first is None or behind is None:
+        return recorded, sets, result
+    without, within, _ = _fit_without_tails((first, behind), options, progress)
+    as_well = explains_as_well(within, result, sets[1].levels)
+    return ((first, behind), without, within) if as_well else (recorded, sets, result)
 
 
 def _fit_without_tails(
-    sets: Sets, result: Fit, options: FitOptions, progress: Callable[[], None] | None
-) -> tuple[Sets, Fit]:
-    """The sets of steps without the tails of those before, where these matter, and their fit."""
+    sets: Sets, options: FitOptions, progress: Callable[[], None] | None
+) -> tuple[Sets, Fit, Scatter]:
+    """The sets of steps without the tails of those before, where these matter, their fit, and how runs scatter."""
+    (_, behind), (result, scatter) = sets, _fit_levels(sets[1], options, progress)
     if result.nonlinear is None:
-        return sets, result
-    behind = sets[1]
-    plant, release, tails, near = result.nonlinear.parameters, result.release, Tails(), None
-    part, level = largest_part(behind, find_tails(with_release(plant, release), behind), tails)
+        return sets, result, scatter
+    begin = with_release(result.nonlinear.parameters, result.release)
+    part, level = largest_part(behind, find_tails(begin, behind))
     if part < MATTERS:
-        return sets, result
-    for _ in range(ROUNDS):
-        release = release_behind_tails(plant, behind, release)
-        plant = with_release(plant, release)
-        before, tails = tails, find_tails(plant, behind)
-        off = (take_off_tails(sets[0], plant, tails), take_off_tails(behind, plant, tails))
-        if largest_part(behind, tails, before)[0] < SETTLED:
-            break
-        kept, _ = split_held_out(off[1].levels, options.hold_out)
+        return sets, result, scatter
+
+    def refit(tails: Tails, without: StepSet) -> Plant:
+        (recorded, _), (kept, _) = (split_held_out(one.levels, options.hold_out) for one in (behind, without))
         with np.errstate(all="ignore"):
-            near = estimate_levels_first(kept, data_of(kept), options.held_share, near)
-            plant = near.parameters
-    result, _ = _fit_levels(off[1], options, progress)
+            solved = fit_levels_first(data_on_tails(recorded, tails), options.held_share)
+            return Estimate(kept, solved).parameters
+
+    tails, plant, release = settle_tails(behind, begin, result.release, refit)
+    off = take_off_tails(sets[0], plant, tails), take_off_tails(behind, plant, tails)
+    result, scatter = _fit_levels(off[1], options, progress)
     told = [finding("tails-taken-off", "data", [level], pct=100 * part, unit=behind.input_unit)]
     told += [one for one in result.findings if one.subject != "release"]
     told += [finding("release-as-left", "release")] if release is not None and release.as_left else []
-    return off, msgspec.structs.replace(result, release=release, findings=tuple(told))
+    return off, msgspec.structs.replace(result, release=release, findings=tuple(told)), scatter
 
 
 def _fit_beside(
@@ -224,7 +211,7 @@ def _fit_beside(
         low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
         told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
     options = replace(options, share="free") if free else options
-    sets, result = _fit_without_tails(recorded, _fit_levels(recorded[1], options, progress)[0], options, progress)
+    sets, result, _ = _fit_without_tails(recorded, options, progress)
     if creep is not None and any(one.code in WRONG_FORM for one in result.findings):
         return without  # it is of the form that is wrong, as that of a plant which rings
     if free and result.nonlinear is not None:

@@ -62,6 +62,7 @@ class _Facts(msgspec.Struct):
     position_unit: str = ""
     rest_s: float | None = None
     rest_moved: float = 0.0
+    swept: bool = False
 
 
 def write_dataset(

@@ -38,6 +38,7 @@ class Run:
     edge: Literal["rising", "falling"] = "rising"
     rest_s: float | None = None  # Duration of the rest before the step whose mean its start is [s]; None: not known
     rest_moved: float = 0.0  # How far that rest moved, mean of its second half less that of its first, in `output_unit`
+    swept: bool = False  # Whether its log rests so shortly that steps begin on what those before have left
     reference_nm: Array | None = None  # Torque reference of a closed-loop log [N·m], shape (n,); None: the log has none
     # Displacement of a contact that goes to and fro, shape (n,), in `position_unit`; None: the log has none
     position: Array | None = None

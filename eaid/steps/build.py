@@ -9,7 +9,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Run
 from eaid.options import ExperimentKind, ReadOptions, typed
-from eaid.steps.checks import CHECKS, broken_off, coarse, creeping, disagreements, idle_slope
+from eaid.steps.checks import CHECKS, OF_RESTS, broken_off, coarse, creeping, disagreements, idle_slope
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
@@ -106,7 +106,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
     of_runs = {
         name: [
             *step.run.findings, *_of_subject(of_signs, name),
-            *filter(None, (check(step) for check in CHECKS[step.run.edge])),
+            *filter(None, (one(step) for one in CHECKS[step.run.edge] if not (step.run.swept and one in OF_RESTS))),
         ]
         for name, step in steps.items()
     }  # fmt: skip
@@ -116,7 +116,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
         of_runs[one.subject].append(one)
     out = _stopped(runs, of_runs)
     levels = _averaged(rising, steps, out)
-    odd = disagreements(levels, input_unit)
+    odd = [] if any(run.swept for run in runs) else disagreements(levels, input_unit)
     for name in of_runs:
         of_runs[name] += _of_subject(odd, name)
     findings = [*_of_subject([*of_signs, *odd], "data"), *creeping(rises)]

@@ -492,3 +492,6 @@ def disagreements(levels: Sequence[Level], unit: str) -> list[Finding]:
     if sd > SCATTERS and not found:
         found.append(finding("repeats-scatter", "data", sd_pct=100 * sd, runs=count))
     return found
+
+
+OF_RESTS = (_drift, _not_idle, _several_edges)  # Which a step that begins on a tail does not pass
