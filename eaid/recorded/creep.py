@@ -21,9 +21,10 @@ from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE
 from eaid.recorded.from_logs import Solved, fit_near, setup_of
 from eaid.recorded.kinds import count_independent
-from eaid.recorded.log_intervals import Spread, effective_samples, spread
+from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, effective_samples, gains_of, spread
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
+DRIFT_CHANCE = 0.01  # That gains of engagements which scatter alone go so with time
 LEAST_GAIN, SURE_GAIN = 0.03, 0.001  # Part by which a gain drifts over a log that is told, and to which it is found
 MOST_BENT = 0.7  # Of that, amid the log: half where it warms up at once
 
@@ -61,8 +62,26 @@ def find_gain_drift(tried: Sequence[Solved], least: float = LEAST_GAIN) -> Array
 
         y = (1 + g (s − ½)) response
     """
-    _, gains, ahead = min((_fit_drift(one) for one in tried), key=lambda one: one[0])
-    return gains if ahead and max(map(abs, gains)) > least else None
+    best, (_, gains, ahead) = min(((one, _fit_drift(one)) for one in tried), key=lambda one: one[1][0])
+    return gains if ahead and max(map(abs, gains)) > least and not _scatter_explains(best) else None
+
+
+def _scatter_explains(solved: Solved) -> bool:
+    """Whether gains that differ from engagement to engagement go with time no more than scatter makes them: a t test of
+    their line, of logs that hold several."""
+    parts = []
+    for k, drive in enumerate(solved.setup.drives):
+        _, which, _, gain, loaded = gains_of(solved, k)
+        share = np.cumsum(drive.dt_s)[drive.w > 0] / float(drive.dt_s.sum())
+        at = (np.bincount(which, share) / np.maximum(np.bincount(which), 1))[loaded]
+        parts.append((at - at.mean(), gain[loaded] - gain[loaded].mean()))
+    t, d = (np.concatenate(one) for one in zip(*parts, strict=True))
+    spare = float(len(t) - len(parts) - 1)
+    if spare < FEWEST_ENGAGEMENTS - 2:
+        return False
+    slope, size = float(t @ d) / float(t @ t), float(t @ t)
+    error = np.sqrt(float((d - slope * t) @ (d - slope * t)) / spare / size)
+    return bool(abs(slope) < t_quantile(spare, 1 - DRIFT_CHANCE) * error)
 
 
 def _fit_drift(solved: Solved) -> tuple[float, Array, bool]:

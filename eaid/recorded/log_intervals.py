@@ -234,7 +234,7 @@ class EngagementScatter:
         return []
 
 
-def _gains_of(solved: Solved, k: int) -> tuple[Array, NDArray[np.intp], Array, Array, NDArray[np.bool_]]:
+def gains_of(solved: Solved, k: int) -> tuple[Array, NDArray[np.intp], Array, Array, NDArray[np.bool_]]:
     """Of a log the model's output (N,) and the engagement of each row, (N,); of its engagements Σ T², by what part the
     model lies above the recorded output, and whether they are loaded enough to tell it."""
     drive, r = solved.setup.drives[k], solved.missed[k]
@@ -248,7 +248,7 @@ def log_that_differs(solved: Solved, names: Sequence[str]) -> list[Finding]:
     """Said where the output of one log of several lies off the others' by more than engagements scatter within logs."""
     if len(names) < 2:
         return []
-    gains = [gain[loaded] for _, _, _, gain, loaded in (_gains_of(solved, k) for k in range(len(names)))]
+    gains = [gain[loaded] for _, _, _, gain, loaded in (gains_of(solved, k) for k in range(len(names)))]
     spare = sum(len(one) - 1 for one in gains)
     within = sum(float(((one - one.mean()) ** 2).sum()) for one in gains) / max(spare, 1)
     within = max(within, LEAST_SCATTER**2) if spare >= FEWEST_ENGAGEMENTS else USUAL_SCATTER**2
@@ -267,7 +267,7 @@ def scatter_of(solved: Solved, followed: float) -> EngagementScatter:
     """Gains of all engagements, and the noise about them; the fit has `followed` so many of them."""
     gains, squares, fourths, cleaned, outputs, steps = [], [], [], [], [], []
     for k, drive in enumerate(solved.setup.drives):
-        T, which, square, gain, loaded = _gains_of(solved, k)
+        T, which, square, gain, loaded = gains_of(solved, k)
         r = solved.missed[k]
         steps.append(float(drive.dt_s.sum()) / len(r))
         gains.append(gain[loaded])

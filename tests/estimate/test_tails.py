@@ -98,8 +98,8 @@ def test_a_sweep_of_another_kind_is_fitted_as_recorded(zeta: float | None) -> No
 
 
 def test_a_low_level_behind_a_high_one_in_any_order() -> None:
-    """What was left was most of the step: the run was left out as off its rest, and the set fitted as recorded, whose τ2
-    was off by 180 %."""
+    """Most of the step was left already: the run was left out as off its rest, and the set fitted as recorded, with τ2
+    off by 180 %."""
     plant, random = RELEASES["one pair"], np.random.default_rng(11)
     logs = {k: sweep(plant, random.permutation(LEVELS), 5.0, 0.01, random) for k in range(2)}
     fit = eaid.fit(eaid.read(logs))
