@@ -244,7 +244,8 @@ def steps_of(
     if how == "auto" and (two_sided(steps) or mostly_ramps(steps)):
         uncut, whole, steps = [*uncut, *whole], [], []
     steps = counted_once([bridged(Step(run)) for run in steps] if options.repair else steps)
-    swept = to_be_recorded(whole, options) if "sweep" in fitted and how == "auto" else []
+    rises = Counter(run.source for run in steps if run.edge == "rising" and run.from_level == 0)
+    swept = to_be_recorded(whole, options) if how == "auto" and max(rises.values(), default=0) > 2 else []
     uncut = to_be_recorded(uncut, options)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from eaid.api.given import Column, File, Paths, Tables, measured, paths_in, result_of, tables_in
+from eaid.arrays import median
 from eaid.declared import chosen, forms, taking
 from eaid.errors import DataError, UsageError
 from eaid.findings import say
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
+# Times, and per cent, by which a plant may explain the logs of its steps worse than these
+WORSE_PLAYED, WORSE_PCT = 2.0, 1.0
 MOST_LEFT_OUT = 0.2  # Part of the runs that spikes may leave out before it is asked what to do with them
 
 
@@ -158,7 +161,7 @@ def fit(
         with progress("bootstrap refits" if refits else "fitting", refits) as advance:
             fitted = as_clutch = fit_steps(steps, how, advance)
         another = asks_for_another_kind(as_clutch)
-        if steps.swept and (another or any(run.left_out for run in steps.runs)):  # the clutch's form tells no tails
+        if steps.swept and _tells_tails_wrongly(as_clutch, steps, another):
             steps = steps.as_recorded
     if steps.recorded:
         from eaid.recorded.fit import fit_whole
@@ -178,6 +181,21 @@ def fit(
     responses = responses_of(steps.noted_late(fitted.noted_late_s), as_clutch.findings)
     more = {"responses": responses, "parameters": parameters_of(fitted), "samples": Samples(steps)}
     return msgspec.structs.replace(fitted, **more)
+
+
+def _tells_tails_wrongly(as_clutch: Fit, steps: StepSet, another: bool) -> bool:
+    """Whether steps begin on what those before have left, and the clutch's form does not tell that: it does not hold,
+    leaves steps out, or plays the logs again far worse than it explains their steps."""
+    from eaid.levels.tails import begin_off_rest
+    from eaid.replay.compare import of_own_logs
+
+    if not (as_clutch.on_tails or any(run.swept for run in steps.steps) or (another and begin_off_rest(steps))):
+        return False
+    if another or any(run.left_out for run in steps.runs):
+        return True
+    left = [100 - one.fit_pct for one in of_own_logs(as_clutch, steps.logs) if one.fit_pct is not None]
+    fit_pct = None if as_clutch.nonlinear is None else as_clutch.nonlinear.fit_pct
+    return bool(left) and fit_pct is not None and median(left) > WORSE_PLAYED * (100 - fit_pct) + WORSE_PCT
 
 
 def _ask(steps: StepSet) -> None:

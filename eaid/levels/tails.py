@@ -30,6 +30,7 @@ from eaid.results.plant import with_release
 from eaid.shapes.intervals import mean_before
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
+OFF_REST = 0.02  # Part of its change by which the output at a step's begin is off the rest its log began with
 MATTERS = 0.003  # Part of its level's output by which a tail moves a step, from which all are taken off
 SETTLED = 1e-4  # The same, by which those of two rounds may differ
 ROUNDS, FARTHEST_BACK = 25, (-4.0, 0.9)  # And, as a part of the last step, how far a secant may lead on or back
@@ -71,6 +72,15 @@ def follow_logs(plant: Plant, stepset: StepSet) -> Iterator[At]:
             means = rests.setdefault(step.start, np.array(x) * part) if step.from_level == 0 else np.zeros(2)
             yield At(step, x, means, next(iter(rests), step.start))
             u, left, since_s = step.level, step.from_level, step.at_s
+
+
+def begin_off_rest(stepset: StepSet) -> bool:
+    """Whether outputs are farther off the rest that their log began with than they should be, where steps begin."""
+    first: dict[str, float] = {}
+    for step in sorted((one for one in stepset.level_steps if one.from_level == 0), key=lambda one: one.at_s):
+        if abs(step.start - first.setdefault(step.source, step.start)) > OFF_REST * abs(step.change):
+            return True
+    return False
 
 
 def find_tails(plant: Plant, stepset: StepSet) -> Tails:

@@ -13,6 +13,7 @@ from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, add_rest, shift_input, take_off_creep, take_off_drift
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE, share_is_told
+from eaid.levels.from_steps import ENDLESS_RECORDS
 from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
@@ -76,6 +77,8 @@ LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind
 # What the clutch's form, which is the default, has to save of another kind's squares: this part of them, and more than
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
+# A free C from which one beyond 1 is tried, with which that begins, and how many times slower its slow part is
+AT_ONE, OVERSHOOTS, SLOWER = 0.999, 1.2, (5.0, 15.0)
 DRIFT_ROUNDS = 3  # In which drifts of gains are found
 ALL_INPUTS = 11  # Inputs over which a form is laid out
 FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
@@ -189,6 +192,8 @@ def _choose_plant(
         return clutch
     # gains of these kinds extrapolate nothing: they hold for all that the logs hold, or their own play would be cut off
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
+    if clutch is not None and (over := fit_overshoot(clutch.solved)) is not None:
+        rivals.append(Tried(LagKind("zero", "pair", zero=True), over))
     late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
     search, rows, late = _try_kinds_behind(logs, late, inputs, options, rivals)
     if clutch is not None and falls:
@@ -219,6 +224,8 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
         raise DataError(*(wrong_sign_message(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds, searched=searched)
+    best = separate_lags(best)
+    kinds = (kind_row(best, total, best.score), *kinds[1:])
     of_lags = searched.falls and explains and not (signed or input_answers_output(best.solved, logs))
     of_falls, found = tuple[FallTest, ...](), tuple[Finding, ...]()
     if of_lags and (pair := refit_as_two_lags(best.solved)) is not None:
@@ -288,6 +295,17 @@ def _kind_findings(best: Tried, kinds: Sequence[KindTried], logs: Sequence[Recor
     return [*told, *(finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0)]
 
 
+def separate_lags(best: Tried) -> Tried:
+    """Two lags with a zero whose time constants go with the input, each by a curve of its own where that explains more
+    than noise does."""
+    if not (best.kind.zero and best.paced) or (pair := refit_as_two_lags(best.solved)) is None:
+        return best
+    more = pair.fitted.size - best.solved.fitted.size
+    by_noise = float(chdtri(more, SHARE_CHANCE)) * pair.cost / count_independent(pair)
+    apart = pair.cost < best.cost - max(DEFAULT_SAVES * best.cost, by_noise)
+    return replace(best, solved=pair, within=0.0) if apart else best
+
+
 def refit_as_two_lags(solved: Solved) -> Solved | None:
     """A fit of one lag, or of two real ones with a zero as two in parallel; None of what has no lags apart."""
     setup, x, model = solved.fitted, solved.x, solved.setup.model
@@ -327,7 +345,8 @@ def _try_kinds_behind(
     """Every kind fitted to the logs with their inputs where they acted, the best first; and how late these were noted
     by the best kind, which may move them again."""
     acting = [shift_input(log, one.rows) for log, one in zip(logs, late, strict=True)]
-    search = Search(tuple(mark_resting_starts(acting, inputs)), *inputs.ends, options.held_dead_time_s)
+    as_left = any(one.solved.fitted.falls_as_left for one in rivals)
+    search = Search(tuple(mark_resting_starts(acting, inputs)), *inputs.ends, options.held_dead_time_s, as_left)
     rows = try_every_kind(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
         shown = [drop_outputs_before(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
@@ -456,7 +475,9 @@ def _fit_clutch(
     base = fit_falls_as_left(base) if falls else base
     behind = fit_behind_dead_time(base, logs, others, options.held_dead_time_s, of_steps_s)
     base, findings = behind.solved, []
-    theta_s = base.fitted.dead_time(base.x)
+    if (theta_s := base.fitted.dead_time(base.x)) and falls and not base.fitted.falls_as_left:  # which hid it
+        base = fit_falls_as_left(base)
+        theta_s = base.fitted.dead_time(base.x)
     for log, one in zip(logs, behind.late, strict=True):
         if one.rows > 0:
             findings += one.told(log)
@@ -500,6 +521,26 @@ def refit_with_share_free(held: Solved) -> tuple[Solved, float] | None:
     half = spread(free).of(np.eye(len(free.x))[at])
     sure = abs(free.x[at] - SHARE) > half and share_is_told(free.x[at] - half, free.x[at] + half)
     return (free, half) if sure else None
+
+
+def fit_overshoot(clutch: Solved) -> Solved | None:
+    """The clutch's form with a C beyond 1, where it leads there, or its slow part never comes; None of others."""
+    setup, model, (gain, one, two) = clutch.fitted, clutch.fitted.model, clutch.fitted.model.slices
+    if model.share is None or model.tau2 is None:
+        return None
+    free = fit_near(replace(setup, model=replace(model, share=None)), np.insert(clutch.x, model.size, model.share))
+    endless = float(clutch.curves(model.limited).tau2.max()) > ENDLESS_RECORDS * setup.longest_s
+    if free.x[model.size] < AT_ONE and not endless:
+        return None
+    pair, ends = replace(setup, model=replace(model, share=None, kind="pair")), []
+    tau1 = model.tau1.rows(model.tau2.inputs) @ free.x[one]
+    for times in SLOWER:
+        x = free.x.copy()
+        x[gain] *= model.share if endless else 1.0
+        x[two] = np.linalg.solve(model.tau2.rows(model.tau2.inputs), times * tau1)
+        x[model.size] = OVERSHOOTS
+        ends.append(fit_near(pair, x))
+    return min(ends, key=lambda end: end.cost)
 
 
 def squares_about_mean(log: RecordedLog) -> float:

@@ -84,7 +84,7 @@ class Tried:
     def paced(self) -> bool:
         """Whether lags of this kind go with the input; the clutch's do."""
         tau1 = self.solved.setup.model.slices[1]
-        return self.kind in LAG_KINDS and tau1.stop - tau1.start > 1
+        return self.kind.name != "clutch" and tau1.stop - tau1.start > 1
 
     @property
     def cost(self) -> float:
@@ -100,6 +100,7 @@ class Search:
     low: float
     high: float
     dead_time_s: float | None = None  # Where it was given
+    falls_as_left: bool = False  # As the clutch's form has it
     made: dict[float, tuple[Copies, ...]] = field(default_factory=dict)  # Copies of the logs, by the dead time behind
 
     def copies(self, dead_time_s: float) -> tuple[Copies, ...]:
@@ -221,7 +222,7 @@ def fit_kind_from(
     )
     setup = setup_of(model, search.copies(theta), True, theta)
     few = tuple(map(few_rows, setup.copies))
-    setup = replace(setup, drives=few, copies=())
+    setup = replace(setup, drives=few, copies=(), falls_as_left=search.falls_as_left)
     x = np.zeros(setup.size)
     x[model.slices[0]] = 0.0
     x[model.slices[1]] = tau
@@ -293,7 +294,8 @@ def refit_on_all(search: Search, one: Tried, last: bool = False) -> Tried:
         return one
     solved, model = one.solved, one.solved.setup.model
     theta = solved.setup.dead_time(solved.x)
-    setup = replace(setup_of(model, search.copies(theta), True, theta), extras=solved.setup.extras)
+    setup = setup_of(model, search.copies(theta), True, theta)
+    setup = replace(setup, extras=solved.setup.extras, falls_as_left=search.falls_as_left)
     if model.kind == "swing":  # what rings is no polynomial on the blocks of the few rows
         setup = replace(setup, drives=setup.every.drives)
     if not last:

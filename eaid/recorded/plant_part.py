@@ -35,6 +35,7 @@ LEAST_SIZE = 0.02  # Of the largest T_s, in whose parts one that is next to 0 by
 MAY_BE_0 = 0.7  # Half-width of the logarithm beyond which a level's interval is that of its value
 NOTHING = 1e-9  # Part of the largest T_s, or standard error, below which there is none
 LAG_OFF = 0.08  # Of ln τ, from which a lag is told to lie off its curve: that of one run scatters by 5 %
+LONGEST_LAG = 3.0  # Holds up to which a level's own lag is told
 LAG_KNOWN = 0.5  # Standard error of ln τ of levels by themselves up to which they tell that
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 
@@ -166,6 +167,8 @@ def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> L
         tau, rows = found.x[place], np.eye(len(found.x))[place]
         if not found.solver.converged or (tau <= 0).any():
             return None
+        if tau.max() > LONGEST_LAG * setup.longest_hold_s:  # of a level that does not tell it
+            continue
         if several:
             covariance, degrees = _lags_by_runs(found, levels)
         else:

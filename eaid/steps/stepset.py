@@ -212,7 +212,7 @@ class StepSet(Shown):
     creep: Creep | None = None
     """What was taken off its levels and releases."""
     swept: tuple[Run, ...] = ()
-    """The logs behind its steps, whose rests are short: fitted as recorded where the clutch's form does not hold."""
+    """The logs behind its steps, where these hold several: to be fitted as recorded where tails are told wrongly."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
