@@ -540,7 +540,8 @@ def fit_overshoot(clutch: Solved) -> Solved | None:
         x[two] = np.linalg.solve(model.tau2.rows(model.tau2.inputs), times * tau1)
         x[model.size] = OVERSHOOTS
         ends.append(fit_near(pair, x))
-    return min(ends, key=lambda end: end.cost)
+    best = min(ends, key=lambda end: end.cost)
+    return best if best.x[model.size] > 1 else None
 
 
 def squares_about_mean(log: RecordedLog) -> float:
