@@ -1,5 +1,6 @@
 """Logs → steps → fit, and what to record next."""
 
+import math
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
-# Times, and per cent, by which a plant may explain the logs of its steps worse than these
-WORSE_PLAYED, WORSE_PCT = 2.0, 1.0
+# Times by which a plant may explain the logs of its steps worse than these, and scatter of ln τ1 that no clutch has
+WORSE_PLAYED, RUNS_APART = 1.7, 0.3
 MOST_LEFT_OUT = 0.2  # Part of the runs that spikes may leave out before it is asked what to do with them
 
 
@@ -185,7 +186,7 @@ def fit(
 
 def _tells_tails_wrongly(as_clutch: Fit, steps: StepSet, another: bool) -> bool:
     """Whether steps begin on what those before have left, and the clutch's form does not tell that: it does not hold,
-    leaves steps out, or plays the logs again far worse than it explains their steps."""
+    leaves steps out, or plays the logs again far worse than it explains their steps, and their gains scatter."""
     from eaid.levels.tails import begin_off_rest
     from eaid.replay.compare import of_own_logs
 
@@ -195,7 +196,11 @@ def _tells_tails_wrongly(as_clutch: Fit, steps: StepSet, another: bool) -> bool:
         return True
     left = [100 - one.fit_pct for one in of_own_logs(as_clutch, steps.logs) if one.fit_pct is not None]
     fit_pct = None if as_clutch.nonlinear is None else as_clutch.nonlinear.fit_pct
-    return bool(left) and fit_pct is not None and median(left) > WORSE_PLAYED * (100 - fit_pct) + WORSE_PCT
+    if not left or fit_pct is None or as_clutch.uncertainty is None or as_clutch.uncertainty.noise is None:
+        return False
+    scatter = as_clutch.uncertainty.noise.scatter
+    expected = math.hypot(100 - fit_pct, 100 * scatter["Ts"])
+    return median(left) > WORSE_PLAYED * expected or scatter["tau1"] > RUNS_APART
 
 
 def _ask(steps: StepSet) -> None:
