@@ -245,7 +245,8 @@ def steps_of(
         uncut, whole, steps = [*uncut, *whole], [], []
     steps = counted_once([bridged(Step(run)) for run in steps] if options.repair else steps)
     rises = Counter(run.source for run in steps if run.edge == "rising" and run.from_level == 0)
-    swept = to_be_recorded(whole, options) if how == "auto" and max(rises.values(), default=0) > 2 else []
+    several = max(rises.values(), default=0) > 2 and not any(run.cut for run in whole)
+    swept = to_be_recorded(whole, options) if how == "auto" and several else []
     uncut = to_be_recorded(uncut, options)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))
