@@ -1,6 +1,6 @@
 """How often a nominal 95 % interval holds the truth: `python -m benchmarks.coverage [SETS] [ROW…]`.
 
-Three kinds of rows, each printed as Markdown [%]: mean over the levels (least–largest of any one level).
+Four kinds of rows, each printed as Markdown [%]: mean over the levels (least–largest of any one level).
 
 `SETS_OF`: ten levels of the reference plant, 2,000 samples over 20 s, three runs a level. Per run a gain factor
 1 + 0.03 N and exp(0.05 N) on τ1; white noise 0.01 N·m, AR(1) ripple of 1 % (0.05 s) and rotor ripple of 1 % (10 RPM,
@@ -9,7 +9,8 @@ Where the C held is not the plant's, the levels' own aim is counted too: the fit
 
 `RECORDED`: one log of the reference plant, white noise 0.006 N·m, coloured noise of 1 % (0.3 s), 200 Hz; curves at
 ten duties. `STAIRCASES`: single steps of staircases held for 5 to 8 slow time constants, noise of 0.2 to 3 % of a
-step that remembers 0 to 20 samples, each fitted as `eaid fit` does. Every interval that is quoted counts.
+step that remembers 0 to 20 samples, each fitted as `eaid fit` does. Every interval that is quoted counts. `SWEEPS`: ten
+levels from rest in one log, in a random order, whose rests are too short.
 """
 
 import sys
@@ -19,6 +20,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pandas
 
 import eaid
 from benchmarks.stop_findings import log, rise, wander
@@ -335,6 +337,48 @@ def steps_held(kind: str, count: int) -> dict[str, tuple[float, int, int]]:
     }
 
 
+SWEEPS = {f"{files} sweeps, rests of {rest_s:g} s": (files, rest_s) for files in (3, 1) for rest_s in (5.0, 20.0)}
+"""Files, each with ten levels in a random order, held for 20 s, and the rest behind each."""
+
+
+def sweep(random: np.random.Generator, rest_s: float) -> dict[str, Array]:
+    """Columns of one file: gains scatter by 2 % and time constants by 3 %, falls have 0.3 and 7 s; noise 0.005 N·m."""
+    parts, x, rate = [(0.0, np.zeros(250))], np.zeros(2), 50
+    for duty in random.permutation(LEVELS):
+        true = REFERENCE_PLANT.at(float(duty))
+        taus = np.array([true.tau1, true.tau2]) * np.exp(0.03 * random.standard_normal(2))
+        target = true.Ts * (1 + 0.02 * random.standard_normal()) * np.array([true.C, 1 - true.C])
+        for u, lasts_s, to, tau in ((duty, 20.0, target, taus), (0.0, rest_s, 0 * target, np.array([0.3, 7.0]))):
+            t = np.arange(round(lasts_s * rate) + 1) / rate
+            states = to + (x - to) * np.exp(-t[:, None] / tau)
+            x = states[-1]
+            parts.append((float(u), states[:-1].sum(axis=1)))
+    held, outputs = zip(*parts, strict=True)
+    y = np.concatenate(outputs)
+    duty = np.repeat(held, [len(one) for one in outputs])
+    return {"time_s": np.arange(len(y)) / rate, "duty_pct": duty, "torque_nm": y + 0.005 * random.normal(size=len(y))}
+
+
+def swept(name: str, sets: int) -> dict[str, tuple[Array, float, float]]:
+    """Coverage [%] of T_s, τ1, τ2 of sweeps whose steps begin on the tails of those before, as of recorded logs."""
+    files, rest_s = SWEEPS[name]
+    rows, widths = defaultdict(list), defaultdict(list)
+    for seed in range(sets):
+        random = np.random.default_rng([seed, 20270])
+        logs = {f"s{k}": pandas.DataFrame(sweep(random, rest_s)) for k in range(files)}
+        found = eaid.fit(eaid.read(logs), model=("friction", "nonlinear"))
+        for name in NAMES:
+            pairs = [
+                (getattr(row.ci95, name), getattr(REFERENCE_PLANT.at(row.level), name)) for row in found.friction_levels
+            ]
+            rows[name].append([inside(ends, value) for ends, value in pairs])
+            widths[name] += [50 * float(np.log(ends[1] / ends[0])) for ends, _ in pairs if ends and ends[0] > 0]
+    return {
+        name: (_mean(held), 100 * float(np.isfinite(held).mean()), float(np.median(widths[name])))
+        for name, held in rows.items()
+    }
+
+
 def cell(values: Array | None) -> str:
     """Mean, least and largest."""
     if values is None:
@@ -353,9 +397,9 @@ def lines(name: str, sets: int) -> Iterator[str]:
         for key, values in found.ours.items():
             width = f"{found.widths[key]:.1f}" if key in found.widths else ""
             yield f"| {key} | {cell(values)} | {cell(found.textbook.get(key))} | {width} |"
-    elif name in RECORDED:
-        yield f"\n| {name}, {sets} logs | held | quoted | half-width |\n|---|---|---|---|"
-        for key, (values, told, width) in recorded(name, sets).items():
+    elif name in RECORDED or name in SWEEPS:
+        yield f"\n| {name}, {sets} sets | held | quoted | half-width |\n|---|---|---|---|"
+        for key, (values, told, width) in (recorded if name in RECORDED else swept)(name, sets).items():
             yield f"| {key} | {cell(values)} | {told:.0f} | {width:.1f} |"
     else:
         yield f"\n| steps: {name}, {sets} staircases | held | quoted | not quoted |\n|---|---|---|---|"
@@ -364,7 +408,7 @@ def lines(name: str, sets: int) -> Iterator[str]:
 
 
 def main(words: list[str]) -> None:
-    sets, names = asked(words, 500, (*VARIANTS, *RECORDED, *STAIRCASES))
+    sets, names = asked(words, 500, (*VARIANTS, *RECORDED, *SWEEPS, *STAIRCASES))
     for name in names:
         for line in lines(name, sets):
             print(line, flush=True)
