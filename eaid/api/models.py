@@ -192,7 +192,8 @@ def _tells_tails_wrongly(as_clutch: Fit, steps: StepSet, another: bool) -> bool:
 
     if not (as_clutch.on_tails or any(run.swept for run in steps.steps) or (another and begin_off_rest(steps))):
         return False
-    if another or any(run.left_out for run in steps.runs):
+    left_out = any(one.code == "levels-left-out" for one in as_clutch.findings)
+    if another or left_out or any(run.left_out for run in steps.runs):
         return True
     left = [100 - one.fit_pct for one in of_own_logs(as_clutch, steps.logs) if one.fit_pct is not None]
     fit_pct = None if as_clutch.nonlinear is None else as_clutch.nonlinear.fit_pct

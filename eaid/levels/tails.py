@@ -131,22 +131,32 @@ def largest_part(stepset: StepSet, tails: Tails, supposed: Tails | None = None) 
     return max(parts)
 
 
+def are_sound(stepset: StepSet, tails: Tails) -> bool:
+    """Whether tails are finite, and smaller than the outputs that they move."""
+    finite = all(np.isfinite([one.states, one.means]).all() for one in tails.values())
+    return finite and largest_part(stepset, tails)[0] < 1
+
+
 def settle_tails(
     stepset: StepSet, plant: Plant, release: Release | None, refit: Callable[[Tails, StepSet], Plant]
 ) -> tuple[Tails, Plant, Release | None]:
     """The tails of steps, their plant and its release, each of which gives the others, begun at some; `refit` gives the
-    plant of steps with tails, and without them."""
+    plant of steps with tails, and without them. Rounds that run away end at the last that did not."""
     supposed, rounds = find_tails(plant, stepset), list[tuple[Tails, Tails]]()
+    settled = supposed, plant, release
     for _ in range(ROUNDS):
         plant = refit(supposed, take_off_tails(stepset, plant, supposed))
         release = release_behind_tails(plant, stepset, release)
         plant = with_release(plant, release)
         found = find_tails(plant, stepset)
+        if not are_sound(stepset, found):
+            break
+        settled = found, plant, release
         if largest_part(stepset, found, supposed)[0] < SETTLED:
             break
         rounds = [*rounds[-1:], (supposed, found)]
         supposed = _go_on(rounds)
-    return found, plant, release
+    return settled
 
 
 def _go_on(rounds: Sequence[tuple[Tails, Tails]]) -> Tails:

@@ -34,7 +34,16 @@ from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import find_flat_levels, nonlinear_part
 from eaid.levels.release import release_fit
 from eaid.levels.session_drift import session_drift
-from eaid.levels.tails import MATTERS, Tails, data_on_tails, find_tails, largest_part, settle_tails, take_off_tails
+from eaid.levels.tails import (
+    MATTERS,
+    Tails,
+    are_sound,
+    data_on_tails,
+    find_tails,
+    largest_part,
+    settle_tails,
+    take_off_tails,
+)
 from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE, Plant
 from eaid.results.common import Input, Source
@@ -162,6 +171,7 @@ def _fit_within_limit(
     return ((first, behind), without, within) if as_well else (recorded, sets, result)
 
 
+@np.errstate(all="ignore")  # tails of rounds that run away overflow
 def _fit_without_tails(
     sets: Sets, options: FitOptions, progress: Callable[[], None] | None
 ) -> tuple[Sets, Fit, Scatter]:
@@ -170,8 +180,9 @@ def _fit_without_tails(
     if result.nonlinear is None:
         return sets, result, scatter
     begin = with_release(result.nonlinear.parameters, result.release)
-    part, level = largest_part(behind, find_tails(begin, behind))
-    if part < MATTERS:
+    found = find_tails(begin, behind)
+    part, level = largest_part(behind, found)
+    if part < MATTERS or not are_sound(behind, found):
         return sets, result, scatter
 
     def refit(tails: Tails, without: StepSet) -> Plant:
