@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import eaid
+from benchmarks import coverage
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
 
@@ -133,3 +134,15 @@ def test_a_low_level_behind_a_high_one_in_any_order() -> None:
         true = CLUTCH.at(row.level)
         assert row.Ts == pytest.approx(true.Ts, rel=0.03)
         assert row.tau2 == pytest.approx(true.tau2, rel=0.15)
+
+
+@pytest.mark.parametrize("seed", [7, 2])
+def test_one_sweep_whose_tails_run_away_or_leave_out_a_level(seed: int) -> None:
+    """One gain a level, whose scatter the tails take up: the fit broke off, or left a level out, τ2 110 % too long."""
+    log = pd.DataFrame(coverage.sweep(np.random.default_rng([seed, 20270]), 5.0))
+    fit = eaid.fit(eaid.read({"one": log}))
+    assert fit.recorded is not None
+    for row in fit.friction_levels:
+        true = coverage.REFERENCE_PLANT.at(row.level)
+        assert row.Ts == pytest.approx(true.Ts, rel=0.05)  # gains scatter by 2 %
+        assert row.tau2 == pytest.approx(true.tau2, rel=0.1)
