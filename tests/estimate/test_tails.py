@@ -8,7 +8,7 @@ import pytest
 
 import eaid
 from benchmarks import coverage
-from eaid.plant.dynamics import Plant
+from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.plant.respond import respond
 
 CLUTCH = Plant((0.40, -0.0015), (12.0, -0.06), (0.3, 0.009, 0.00029), (10.0, 100.0))
@@ -143,6 +143,6 @@ def test_one_sweep_whose_tails_run_away_or_leave_out_a_level(seed: int) -> None:
     fit = eaid.fit(eaid.read({"one": log}))
     assert fit.recorded is not None
     for row in fit.friction_levels:
-        true = coverage.REFERENCE_PLANT.at(row.level)
+        true = REFERENCE_PLANT.at(row.level)
         assert row.Ts == pytest.approx(true.Ts, rel=0.05)  # gains scatter by 2 %
         assert row.tau2 == pytest.approx(true.tau2, rel=0.1)
