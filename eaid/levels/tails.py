@@ -22,8 +22,7 @@ from eaid.arrays import Array, best_gain
 from eaid.estimate.data import Data, data_of
 from eaid.levels.release import LEFT_SAVES
 from eaid.plant.dynamics import Plant, plant_numbers, plant_pull, plant_step
-from eaid.plant.respond import at_rest
-from eaid.plant.steps import decay
+from eaid.plant.respond import at_rest, left_of_start
 from eaid.results.fit import Fit
 from eaid.results.models import Release
 from eaid.results.plant import with_release
@@ -95,7 +94,7 @@ def take_off_tails(stepset: StepSet, plant: Plant, tails: Tails) -> StepSet:
     """The set as if each of its steps had begun at rest; its idle slopes are those of tails."""
 
     def taken(level: Level) -> Level:
-        fallen = np.stack([decay(level.time_s, tau.item()) for tau in plant.time_constants(level.level)])
+        fallen = left_of_start(plant_numbers(plant), level.level, level.time_s)
         of_runs = [tails.get((level.level, name), NO_TAIL) for name in level.names]
         rows = [run - one.states @ fallen + one.means.sum() for run, one in zip(level.runs, of_runs, strict=True)]
         return replace(level, runs=np.array(rows))
@@ -183,21 +182,20 @@ def release_behind_tails(plant: Plant, stepset: StepSet, release: Release | None
     if not falls:
         return release
     rows = [np.unique(np.geomspace(1, len(one.step.output), FALL_ROWS).astype(int)) - 1 for one in falls]
-    own = np.array([[tau.item() for tau in plant.time_constants(one.step.from_level)] for one in falls])
 
-    def left(taus: Array) -> Array:
-        """What time constants of each fall, (n, 2), leave of them, as parts of their sizes."""
-        found = []
-        for one, at, both in zip(falls, rows, taus.tolist(), strict=True):
+    def left(logs: Array, as_left: bool = False) -> Array:
+        """What a release, ln τ, (2,), leaves of the falls, as parts of their sizes."""
+        tau1, tau2 = np.exp(logs).tolist()
+        numbers, found = plant_numbers(replace(plant, release=(tau1, tau2), release_as_left=as_left)), []
+        for one, at in zip(falls, rows, strict=True):
             y = one.step.output[at] - one.idle
-            f = np.array(one.states) @ np.stack([decay(one.step.time_s[at], tau) for tau in both])
+            acting = at_rest(numbers, one.step.from_level)
+            f = np.array(one.states) @ left_of_start(acting, 0.0, one.step.time_s[at], (True, True))
             found.append((y - best_gain(f, y) * f) / float(np.abs(y).max()))
         return np.concatenate(found)
 
-    def left_by_two(logs: Array) -> Array:
-        return left(np.tile(np.exp(logs), (len(falls), 1)))
-
-    end = least_squares(left_by_two, np.log([release.tau1, release.tau2]))
-    as_left = float(np.sum(left(own) ** 2)) < (1 - LEFT_SAVES) * 2 * float(end.cost)
+    begin = np.log([release.tau1, release.tau2])
+    own, end = left(begin, as_left=True), least_squares(left, begin)
+    as_left = float(own @ own) < (1 - LEFT_SAVES) * 2 * float(end.cost)
     tau1, tau2 = np.exp(end.x).tolist()
     return Release(tau1, tau2, plant.C, as_left=as_left)

@@ -187,9 +187,7 @@ def _fit_without_tails(
 
     def refit(tails: Tails, without: StepSet) -> Plant:
         (recorded, _), (kept, _) = (split_held_out(one.levels, options.hold_out) for one in (behind, without))
-        with np.errstate(all="ignore"):
-            solved = fit_levels_first(data_on_tails(recorded, tails), options.held_share)
-            return Estimate(kept, solved).parameters
+        return Estimate(kept, fit_levels_first(data_on_tails(recorded, tails), options.held_share)).parameters
 
     tails, plant, release = settle_tails(behind, begin, result.release, refit)
     off = take_off_tails(sets[0], plant, tails), take_off_tails(behind, plant, tails)

@@ -79,9 +79,7 @@ LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
 # A free C from which one beyond 1 is tried, with which that begins, and how many times slower its slow part is
 AT_ONE, OVERSHOOTS, SLOWER = 0.999, 1.2, (5.0, 15.0)
-FAR_LESS = (
-    0.7  # Squares over those of the clutch, up to which an overshoot explains far more: drifts imitate little ones
-)
+FAR_LESS = 0.7  # Squares over those of the clutch, up to which an overshoot explains far more: drifts imitate others
 DRIFT_ROUNDS = 3  # In which drifts of gains are found
 ALL_INPUTS = 11  # Inputs over which a form is laid out
 FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
