@@ -91,16 +91,34 @@ def find_tails(plant: Plant, stepset: StepSet) -> Tails:
 
 
 def take_off_tails(stepset: StepSet, plant: Plant, tails: Tails) -> StepSet:
-    """The set as if each of its steps had begun at rest; its idle slopes are those of tails."""
+    """The set as if each of its steps had begun at rest, and the falls behind them; its idle slopes are those of
+    tails."""
+    numbers, fallen = plant_numbers(plant), _tails_of_falls(stepset, plant, tails)
 
-    def taken(level: Level) -> Level:
-        fallen = left_of_start(plant_numbers(plant), level.level, level.time_s)
-        of_runs = [tails.get((level.level, name), NO_TAIL) for name in level.names]
-        rows = [run - one.states @ fallen + one.means.sum() for run, one in zip(level.runs, of_runs, strict=True)]
+    def taken(level: Level, of: Tails, left: Array) -> Level:
+        of_runs = [of.get((level.level, name), NO_TAIL) for name in level.names]
+        rows = [run - one.states @ left + one.means.sum() for run, one in zip(level.runs, of_runs, strict=True)]
         return replace(level, runs=np.array(rows))
 
+    levels = tuple(taken(one, tails, left_of_start(numbers, one.level, one.time_s)) for one in stepset.levels)
+    releases = tuple(
+        taken(one, fallen, left_of_start(at_rest(numbers, one.level), 0.0, one.time_s, (True, True)))
+        for one in stepset.releases
+    )
     rows = tuple(replace(run, idle_slope=None) for run in stepset.runs)
-    return replace(stepset, levels=tuple(map(taken, stepset.levels)), runs=rows)
+    return replace(stepset, levels=levels, releases=releases, runs=rows)
+
+
+def _tails_of_falls(stepset: StepSet, plant: Plant, tails: Tails) -> Tails:
+    """What tails of steps have become when their holds end, by the level that was held and the name of the fall."""
+    numbers, found = plant_numbers(plant), dict[tuple[float, str], Tail]()
+    order = sorted(stepset.level_steps, key=lambda one: (one.source, one.at_s))
+    for rise, fall in itertools.pairwise(order):
+        tail = tails.get((rise.level, rise.name))
+        if tail is not None and fall.source == rise.source and fall.level == 0:
+            left = left_of_start(numbers, rise.level, np.array([fall.at_s - rise.at_s]))[:, 0]
+            found[rise.level, fall.name] = replace(tail, states=tail.states * left)
+    return found
 
 
 def data_on_tails(levels: Sequence[Level], tails: Tails) -> Data:

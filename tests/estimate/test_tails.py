@@ -62,6 +62,13 @@ def test_tails_are_taken_off_steps(plant: Plant, rest_s: float) -> None:
     assert all((one.fit_pct or 0.0) > 97 for one in fit.data.replayed)
     ended = 1 - 0.15 * np.exp(-19 / plant.at(row.level).tau2)  # of the steps without their tails
     assert fit.responses[-1].held == pytest.approx(ended * row.Ts, rel=0.01)
+    if rest_s == 5.0:  # the falls are without them, too: from 100 % they took 1.6 s, from 10 % 0.35 s
+        for one in fit.responses:
+            fast, slow = plant.time_constants(one.level) if plant.release_as_left else plant.release
+            rose, t = plant.at(one.level), np.arange(0.0, 5.0, 0.001)
+            left = 0.85 * np.exp(-t / fast) + 0.15 * (1 - np.exp(-20 / rose.tau2)) * np.exp(-t / slow)
+            held = 1 - 0.15 * np.exp(-19 / rose.tau2)
+            assert one.released_s == pytest.approx(0.001 * (left > 0.1 * held).sum(), rel=0.1)
 
 
 def test_rests_that_last_leave_nothing_to_take_off() -> None:

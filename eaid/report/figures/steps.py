@@ -16,6 +16,7 @@ from eaid.report.results import Results
 from eaid.report.rig import level_text
 from eaid.results.fit import Fit
 from eaid.results.models import StepShape
+from eaid.steps.noise import block_means
 from eaid.steps.step import hold_of
 from eaid.steps.stepset import LevelStep, StepSet
 
@@ -178,9 +179,8 @@ def hold_and_release(data: StepSet) -> Sheet | None:
         return None
     lines, ends = [], []
     for (step, release), (colour, dash) in zip(some_of(pairs, 3)[::-1], HELD_LOOKS, strict=False):
-        runs = [run for run in data.runs if run.name in release.names]
-        lost = hold_of(step.runs).lost_pct
-        left = float(np.mean([run.left_pct for run in runs if run.left_pct is not None]))
+        hold = hold_of(step.runs)
+        lost, left = hold.lost_pct, 100 * float(block_means(release.mean)[-1]) / float(hold.held.mean())
         ends.append(float(2 * step.time_s[-1] - step.time_s[-2]))
         label = f"{level_text(step.level, data.input_unit)}: lost {lost:.1f} %, left {left:.1f} %".replace("-", "−")
         time, output = np.concatenate([step.time_s, ends[-1] + release.time_s]), np.r_[step.mean, release.mean]
