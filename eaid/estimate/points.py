@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.plant.dynamics import Step
-from eaid.plant.steps import decay, slope_shapes, slope_sizes, step_response
+from eaid.plant.steps import decay, slope_shapes, slope_sizes, step_response, step_slopes
 
 POINTS_PER_BLOCK = 8
 SINGLE_ROWS = 16  # First samples, kept as they are: the fast rise may be over within them. A block is never shorter.
@@ -36,11 +36,13 @@ class Points:
     # Whether curves are compared about their means: an unknown constant is then taken out of each level
     centred: bool = False
     states: Array | None = None  # What the steps before have left of each state when these begin, shape (2, L)
+    off: Array | None = None  # By how much independent errors move these, one standard deviation each, (parts, 2, L)
 
     def rows(self, which: slice | list[int]) -> "Points":
         """The points of some levels."""
         states = None if self.states is None else self.states[:, which]
-        return Points(self.t_s[which], self.y[which], self.w[which], self.centred, states)
+        off = None if self.off is None else self.off[:, :, which]
+        return Points(self.t_s[which], self.y[which], self.w[which], self.centred, states, off)
 
     def about_mean(self, values: Array) -> Array:
         """Values at the points, (L, …, P), less their weighted mean."""
@@ -53,6 +55,20 @@ class Points:
         if self.centred:
             s[:, :4] = self.about_mean(s[:, :4])
         return s
+
+    def sizes(self, theta: Array) -> Array:
+        """`slope_sizes` of curves, behind what the steps before have left of each state, whose fall tells τ, too."""
+        sizes = slope_sizes(theta)
+        if self.states is not None:
+            sizes[:, 1:3] += (self.states / theta[1:3] ** 2).T
+        return sizes
+
+    def step_slopes(self, theta: Array, i: int, t_s: Array) -> Array:
+        """∂f/∂(T_s, τ1, τ2, C) of a level's curve, behind its tails, at instants, (4, n)."""
+        slopes, taus = step_slopes(Step(*theta[:, i].tolist()), t_s), theta[1:3, i, None]
+        if self.states is not None:
+            slopes[1:3] += self.states[:, i, None] * t_s / taus**2 * decay(t_s, taus)
+        return slopes
 
     @property
     def of_falls(self) -> "Points":
@@ -173,16 +189,15 @@ class Normal(NamedTuple):
 def level_normal(theta: Array, points: Points, torques: Callable[[Array, Array], Array] | None = None) -> Normal:
     """Sums of the curves T_s φ of Eq. (3), behind Σ x e^(−t/τ) of steps that do not begin at rest; `torques` gives T_s
     from Σ w φ² and Σ w φ y where it is to be solved for."""
-    s, y, states = points.slopes(theta), points.y, np.zeros((2, 1)) if points.states is None else points.states
+    s, y = points.slopes(theta), points.y
     if points.states is not None:
-        y = y - (states[:, :, None] * decay(points.t_s, theta[1:3, :, None])).sum(axis=0)
+        y = y - (points.states[:, :, None] * decay(points.t_s, theta[1:3, :, None])).sum(axis=0)
     if torques is not None:
         weighed = s[:, 0] * points.w
         theta = np.array([torques((weighed * s[:, 0]).sum(axis=1), (weighed * y).sum(axis=1)), *theta[1:]])
     np.subtract(theta[0, :, None] * s[:, 0], y, out=s[:, 4])
     product = (s * points.w[:, None, :]) @ s.transpose(0, 2, 1)
-    scale = slope_sizes(theta)
-    scale[:, 1:3] += (states / theta[1:3] ** 2).T
+    scale = points.sizes(theta)
     product *= scale[:, :, None] * scale[:, None, :]
     return Normal(theta, product[:, 4, 4], product[:, :4, 4], product[:, :4, :4])
 
@@ -191,9 +206,15 @@ def log_crossed(theta: Array, other: Array, points: Points, share_free: bool) ->
     """Σ w s s' of each level, s the slopes of its curve θ by ln T_s, ln τ1, ln τ2, and a free logit C, and those of
     another curve by T_s, τ1, τ2, C, (L, k, 4)."""
     one, two = points.slopes(theta)[:, :4], points.slopes(other)[:, :4]
-    product = (one * points.w[:, None, :]) @ two.transpose(0, 2, 1) * slope_sizes(other)[:, None, :4]
+    product = (one * points.w[:, None, :]) @ two.transpose(0, 2, 1) * points.sizes(other)[:, None, :4]
     by_log = np.array([*theta[:3], theta[3] * (1 - theta[3])]).T * slope_sizes(theta)[:, :4]
     return np.asarray(by_log[:, :, None] * product)[:, : 4 if share_free else 3]
+
+
+def crossed_with_tails(theta: Array, points: Points) -> Array:
+    """Σ w ∂f/∂θ e^(−t/τ_i) of each level, by what the steps before have left of each state, (L, 4, 2)."""
+    left = decay(points.t_s, theta[1:3, :, None]).transpose(1, 2, 0)
+    return np.asarray((points.slopes(theta)[:, :4] * points.w[:, None, :]) @ left * points.sizes(theta)[:, :4, None])
 
 
 @dataclass(frozen=True, eq=False)

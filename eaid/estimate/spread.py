@@ -146,6 +146,12 @@ def _at_least(V: Array, rows: Array) -> Array:
     return np.asarray(V + (ways * np.maximum(size, 0.0)) @ ways.T * np.outer(scale, scale))
 
 
+def standard_errors(covariance: Array) -> Array:
+    """Independent moves by one standard error each whose squares sum to a covariance, as rows, (n, n)."""
+    size, ways = np.linalg.eigh(covariance)
+    return np.asarray((ways * np.sqrt(np.maximum(size, 0.0))).T)
+
+
 def gains_of(information: Array, along: Array, take: Array, held: Array) -> tuple[Array, Array]:
     """How n unknowns answer to the levels' own estimates, (L, k, n), and the inverse of half the cost's curvature.
 

@@ -16,7 +16,7 @@ from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.mixed import MixedLine
 from eaid.estimate.own_level import SURE, gains_of_runs, levels_about, pull_to_line
-from eaid.estimate.points import Normal, level_normal, log_crossed
+from eaid.estimate.points import Normal, crossed_with_tails, level_normal, log_crossed
 from eaid.estimate.scatter import Scatter, run_residuals, window_sums
 from eaid.estimate.spread import (
     FEW_DEGREES,
@@ -26,15 +26,15 @@ from eaid.estimate.spread import (
     free_inverse,
     gains_of,
     score_test_end,
+    standard_errors,
     t_quantile,
 )
 from eaid.levels.from_steps import Solution, fit_levels_first
 from eaid.levels.slow_part import SlowPart, slow_part
 from eaid.levels.torque_curve import USUAL, TorqueCurve, torque_curve
 from eaid.options import FitOptions
-from eaid.plant.dynamics import Plant, Step
+from eaid.plant.dynamics import Plant
 from eaid.plant.forms import Points
-from eaid.plant.steps import step_slopes
 from eaid.shapes.shape import is_coloured
 from eaid.steps.stepset import Level
 
@@ -107,7 +107,7 @@ class Estimate:
         gain, back = gains_of(every * at.information, every * self.along(at.theta), take, self.blocked)
         alone = of_levels is None and bool((self.scatter.repeats == 1).all())
         singles = self._singles(at) if alone else np.zeros((0, L + p))
-        singles = np.concatenate([singles, self._of_creep(at, take)]) @ back
+        singles = np.concatenate([singles, self._of_creep(at, take), self._of_tails(at, take)]) @ back
         if alone and not self.by_levels:  # nothing shows how runs scatter
             known = np.array(USUAL_SCATTER) * t_quantile(np.inf) / t_quantile(self.single_degrees)
             singles = np.concatenate([singles, *(gain[:, :3] * known[:, None])])
@@ -122,9 +122,17 @@ class Estimate:
             return np.zeros((0, take.shape[2]))
         since_s = np.array([[data.creep.of_levels[u]] for u in data.u.tolist()])
         ramp = data.points.w * data.creep.error * (data.points.t_s + since_s)
-        rows = zip(at.theta.T.tolist(), data.points.t_s, ramp, strict=True)
-        along = np.array([step_slopes(Step(*curve), t) @ w for curve, t, w in rows])
+        rows = enumerate(zip(data.points.t_s, ramp, strict=True))
+        along = np.array([data.points.step_slopes(at.theta, i, t) @ w for i, (t, w) in rows])
         return np.asarray(np.einsum("l,lk,lkm->m", self.solved.steps.weight, along, take))[None]
+
+    def _of_tails(self, at: Normal, take: Array) -> Array:
+        """The scores that errors of the tails make on which steps begin, (parts, L + p)."""
+        points = self.solved.steps.data.points
+        if points.off is None:
+            return np.zeros((0, take.shape[2]))
+        by_level = np.einsum("lji,pil->plj", crossed_with_tails(at.theta, points), points.off)
+        return np.asarray(np.einsum("l,plj,ljm->pm", self.solved.steps.weight, by_level, take))
 
     @cached_property
     def take(self) -> Array:
@@ -157,15 +165,13 @@ class Estimate:
     def _within_run(self, at: Normal, i: int) -> Array:
         """Rows whose squares sum to the covariance of a single run's scores by its own noise, (4, 4)."""
         level = self.levels[i]
-        curve = Step(*at.theta[:, i].tolist())
-        slopes = step_slopes(curve, level.time_s)
-        noise = run_residuals(level.runs, curve.Ts * slopes[0], slopes.T)[0]
+        slopes = self.solved.steps.data.points.step_slopes(at.theta, i, level.time_s)
+        noise = run_residuals(level.runs, at.theta[0, i] * slopes[0], slopes.T)[0]
         sums = window_sums(level.time_s, (slopes * noise).T)
         covariance = np.array([sum(x @ x.T for x in parts) / m for parts, m in sums])
         white = np.maximum(np.diag(covariance[0]), 1e-300)
         largest = covariance[int((np.einsum("wkk->wk", covariance) / white).sum(axis=1).argmax())]
-        variance, ways = np.linalg.eigh(largest)
-        return np.asarray((ways * np.sqrt(np.maximum(variance, 0.0))).T)
+        return standard_errors(largest)
 
     @cached_property
     def of_levels(self) -> Influence:
@@ -306,6 +312,12 @@ class Estimate:
     def parameters(self) -> Plant:
         """The model of Eqs. (4)–(7)."""
         return self.model.parameters(self.coefficients)
+
+    @property
+    def moved(self) -> list[Plant]:
+        """The same moved by one standard error in independent ways."""
+        errors = standard_errors(self.influence.covariance())
+        return [self.model.parameters(self.coefficients + one) for one in errors]
 
     def plant(self, options: FitOptions) -> Plant:
         """The same with T_s(u) as the option «curve» has it."""

@@ -21,8 +21,6 @@ from eaid.estimate.points import Normal
 from eaid.estimate.scatter import bartlett_variance, run_residuals
 from eaid.estimate.spread import FEW_DEGREES, satterthwaite, t_quantile
 from eaid.levels.from_steps import StepProblem
-from eaid.plant.dynamics import Step
-from eaid.plant.steps import step_slopes
 from eaid.steps.stepset import Level
 
 LENGTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5)  # τ2 supposed, in record lengths; the last stands for all beyond
@@ -93,10 +91,10 @@ def _rejects(levels: Sequence[Level], steps: StepProblem, at: Normal) -> bool:
     follows = rows @ np.linalg.lstsq(own, across, rcond=1e-12)[0]
     psi, parts, degrees = [], [], []
     for i, level in enumerate(levels):
-        slopes = step_slopes(Step(*at.theta[:, i].tolist()), level.time_s)[:3]
+        slopes = steps.data.points.step_slopes(at.theta, i, level.time_s)[:3]
         turn = steps.weight[i] * np.array([follows[i] * to_T[i, 0] - tau2[i] * to_T[i, 1], -follows[i], tau2[i]])
         along = turn @ slopes
-        psi.append((level.runs - at.theta[0, i] * slopes[0]) @ along)
+        psi.append((level.runs - level.mean) @ along - turn @ at.score[i, :3])  # steps may begin on tails
         if len(level.runs) == 1:
             off = run_residuals(level.runs, at.theta[0, i] * slopes[0], slopes.T)[0]
             parts.append(float(bartlett_variance(level.time_s, (along * off)[:, None]).max()))

@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 
 from eaid.arrays import Array, best_gain
 from eaid.estimate.data import Data, data_of
+from eaid.estimate.spread import standard_errors
 from eaid.levels.release import LEFT_SAVES
 from eaid.plant.dynamics import Plant, plant_numbers, plant_pull, plant_step
 from eaid.plant.respond import at_rest, left_of_start
@@ -51,6 +52,14 @@ class Tail:
 
     states: Array  # At the step, (2,)
     means: Array  # Over the rest that the step is counted from, (2,)
+
+
+@dataclass(frozen=True, eq=False)
+class Falls:
+    """What falls have of their own, and the same moved by one standard error in independent ways."""
+
+    release: Release | None
+    moved: tuple[Release, ...] = ()
 
 
 NO_TAIL = Tail(np.zeros(2), np.zeros(2))
@@ -121,13 +130,18 @@ def _tails_of_falls(stepset: StepSet, plant: Plant, tails: Tails) -> Tails:
     return found
 
 
-def data_on_tails(levels: Sequence[Level], tails: Tails) -> Data:
-    """The mean curves of levels as they were recorded, above the output at rest, with the states they begin from."""
-    means = [[tails.get((level.level, name), NO_TAIL) for name in level.names] for level in levels]
-    offsets = [np.array([[one.means.sum()] for one in of_runs]) for of_runs in means]
+def data_on_tails(levels: Sequence[Level], tails: Tails, moved: Sequence[Tails] = ()) -> Data:
+    """The mean curves of levels as they were recorded, above the output at rest, with the states they begin from, and
+    those that errors of these make."""
+    offsets = [np.array([[tails.get((one.level, name), NO_TAIL).means.sum()] for name in one.names]) for one in levels]
     data = data_of([replace(one, runs=one.runs + off) for one, off in zip(levels, offsets, strict=True)])
-    states = np.array([np.mean([one.states for one in of_runs], axis=0) for of_runs in means]).T
-    return replace(data, compressed=replace(data.points, states=states))
+
+    def begins(of: Tails) -> Array:
+        runs = ([of.get((one.level, name), NO_TAIL).states for name in one.names] for one in levels)
+        return np.array([np.mean(each, axis=0) for each in runs]).T
+
+    states, off = begins(tails), np.array([begins(one) for one in moved]).reshape(-1, 2, len(levels))
+    return replace(data, compressed=replace(data.points, states=states, off=off - states if len(moved) else None))
 
 
 def as_fitted(stepset: StepSet, fit: Fit) -> StepSet:
@@ -149,26 +163,26 @@ def largest_part(stepset: StepSet, tails: Tails, supposed: Tails | None = None) 
 
 
 def are_sound(stepset: StepSet, tails: Tails) -> bool:
-    """Whether tails are finite, and smaller than the outputs that they move."""
-    finite = all(np.isfinite([one.states, one.means]).all() for one in tails.values())
-    return finite and largest_part(stepset, tails)[0] < 1
+    """Whether tails are finite, and below the highest output, of which a low level may begin on a good part."""
+    highest = max(float(np.abs(level.mean).max()) for level in stepset.levels)
+    return all(bool(np.abs([one.states, one.means]).sum(axis=1).max() < highest) for one in tails.values())
 
 
 def settle_tails(
     stepset: StepSet, plant: Plant, release: Release | None, refit: Callable[[Tails, StepSet], Plant]
-) -> tuple[Tails, Plant, Release | None]:
+) -> tuple[Tails, Plant, Falls]:
     """The tails of steps, their plant and its release, each of which gives the others, begun at some; `refit` gives the
     plant of steps with tails, and without them. Rounds that run away end at the last that did not."""
-    supposed, rounds = find_tails(plant, stepset), list[tuple[Tails, Tails]]()
-    settled = supposed, plant, release
+    supposed, rounds, falls = find_tails(plant, stepset), list[tuple[Tails, Tails]](), Falls(release)
+    settled = supposed, plant, falls
     for _ in range(ROUNDS):
         plant = refit(supposed, take_off_tails(stepset, plant, supposed))
-        release = release_behind_tails(plant, stepset, release)
-        plant = with_release(plant, release)
+        falls = release_behind_tails(plant, stepset, falls.release)
+        plant = with_release(plant, falls.release)
         found = find_tails(plant, stepset)
         if not are_sound(stepset, found):
             break
-        settled = found, plant, release
+        settled = found, plant, falls
         if largest_part(stepset, found, supposed)[0] < SETTLED:
             break
         rounds = [*rounds[-1:], (supposed, found)]
@@ -191,14 +205,14 @@ def _go_on(rounds: Sequence[tuple[Tails, Tails]]) -> Tails:
     return {key: Tail(one, mean) for key, one, mean in zip(keys, states, means, strict=True)}
 
 
-def release_behind_tails(plant: Plant, stepset: StepSet, release: Release | None) -> Release | None:
+def release_behind_tails(plant: Plant, stepset: StepSet, release: Release | None) -> Falls:
     """The release of a plant from the whole course of the logs, begun at what single falls tell; itself where there is
-    none."""
+    none. How sure it is follows from what each fall leaves (sandwich)."""
     if release is None:
-        return None
+        return Falls(None)
     falls = [one for one in follow_logs(with_release(plant, release), stepset) if one.step.level == 0]
     if not falls:
-        return release
+        return Falls(release)
     rows = [np.unique(np.geomspace(1, len(one.step.output), FALL_ROWS).astype(int)) - 1 for one in falls]
 
     def left(logs: Array, as_left: bool = False) -> Array:
@@ -212,8 +226,16 @@ def release_behind_tails(plant: Plant, stepset: StepSet, release: Release | None
             found.append((y - best_gain(f, y) * f) / float(np.abs(y).max()))
         return np.concatenate(found)
 
+    of_fall = np.repeat(np.arange(len(falls)), [len(at) for at in rows])
+
     begin = np.log([release.tau1, release.tau2])
     own, end = left(begin, as_left=True), least_squares(left, begin)
     as_left = float(own @ own) < (1 - LEFT_SAVES) * 2 * float(end.cost)
-    tau1, tau2 = np.exp(end.x).tolist()
-    return Release(tau1, tau2, plant.C, as_left=as_left)
+    J = np.asarray(end.jac)
+    of_falls = np.linalg.pinv(J.T @ J) @ [np.bincount(of_fall, weights=end.fun * slope) for slope in J.T]
+
+    def at(logs: Array) -> Release:
+        tau1, tau2 = np.exp(logs).tolist()
+        return Release(tau1, tau2, plant.C, as_left=as_left)
+
+    return Falls(at(end.x), tuple(at(end.x + one) for one in standard_errors(of_falls @ of_falls.T)))

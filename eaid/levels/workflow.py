@@ -173,27 +173,42 @@ def _fit_within_limit(
 
 @np.errstate(all="ignore")  # tails of rounds that run away overflow
 def _fit_without_tails(
-    sets: Sets, options: FitOptions, progress: Callable[[], None] | None
+    sets: Sets, options: FitOptions, progress: Callable[[], None] | None, near: Fit | None = None
 ) -> tuple[Sets, Fit, Scatter]:
-    """The sets of steps without the tails of those before, where these matter, their fit, and how runs scatter."""
-    (_, behind), (result, scatter) = sets, _fit_levels(sets[1], options, progress)
-    if result.nonlinear is None:
-        return sets, result, scatter
-    begin = with_release(result.nonlinear.parameters, result.release)
-    found = find_tails(begin, behind)
-    part, level = largest_part(behind, found)
-    if part < MATTERS or not are_sound(behind, found):
-        return sets, result, scatter
+    """The sets of steps without the tails of those before, where these matter, their fit, and how runs scatter; `near`
+    is a fit without tails of steps that differ little, in place of one with them."""
+    (_, behind), plain = sets, None
+    if near is None or not near.on_tails:
+        near, scatter = plain = _fit_levels(sets[1], options, progress)
+    if near.nonlinear is not None:
+        begin = with_release(near.nonlinear.parameters, near.release)
+        found = find_tails(begin, behind)
+        part, level = largest_part(behind, found)
+        if part >= MATTERS and are_sound(behind, found):
+            off, result, scatter = _fit_on_tails(sets, begin, near.release, options, progress)
+            told = finding("tails-taken-off", "data", [level], pct=100 * part, unit=behind.input_unit)
+            return off, msgspec.structs.replace(result, findings=(told, *result.findings)), scatter
+    return (sets, *(plain or _fit_levels(behind, options, progress)))
 
-    def refit(tails: Tails, without: StepSet) -> Plant:
+
+def _fit_on_tails(
+    sets: Sets, begin: Plant, release: Release | None, options: FitOptions, progress: Callable[[], None] | None
+) -> tuple[Sets, Fit, Scatter]:
+    """The sets of steps without their tails, which are settled from where they begin, and their fit on these."""
+    _, behind = sets
+
+    def estimate(tails: Tails, without: StepSet) -> Estimate:
         (recorded, _), (kept, _) = (split_held_out(one.levels, options.hold_out) for one in (behind, without))
-        return Estimate(kept, fit_levels_first(data_on_tails(recorded, tails), options.held_share)).parameters
+        return Estimate(kept, fit_levels_first(data_on_tails(recorded, tails), options.held_share))
 
-    tails, plant, release = settle_tails(behind, begin, result.release, refit)
-    off = take_off_tails(sets[0], plant, tails), take_off_tails(behind, plant, tails)
-    result, scatter = _fit_levels(off[1], options, progress)
-    told = [finding("tails-taken-off", "data", [level], pct=100 * part, unit=behind.input_unit)]
-    told += [one for one in result.findings if one.subject != "release"]
+    tails, plant, falls = settle_tails(behind, begin, release, lambda *of: estimate(*of).parameters)
+    off, release = (take_off_tails(sets[0], plant, tails), take_off_tails(behind, plant, tails)), falls.release
+    errors = [with_release(one, release) for one in estimate(tails, off[1]).moved]
+    errors += [with_release(plant, one) for one in falls.moved]
+    recorded, _ = split_held_out(behind.levels, options.hold_out)
+    data = data_on_tails(recorded, tails, [find_tails(one, behind) for one in errors])
+    result, scatter = _fit_levels(off[1], options, progress, data)
+    told = [one for one in result.findings if one.subject != "release"]
     told += [finding("release-as-left", "release")] if release is not None and release.as_left else []
     return off, msgspec.structs.replace(result, release=release, findings=tuple(told)), scatter
 
@@ -220,7 +235,7 @@ def _fit_beside(
         low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
         told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
     options = replace(options, share="free") if free else options
-    sets, result, _ = _fit_without_tails(recorded, options, progress)
+    sets, result, _ = _fit_without_tails(recorded, options, progress, result)
     if creep is not None and any(one.code in WRONG_FORM for one in result.findings):
         return without  # it is of the form that is wrong, as that of a plant which rings
     if free and result.nonlinear is not None:
@@ -231,9 +246,14 @@ def _fit_beside(
     return sets[0], msgspec.structs.replace(result, findings=tuple(told))
 
 
-def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None) -> tuple[Fit, Scatter]:
+def _fit_levels(
+    stepset: StepSet,
+    options: FitOptions,
+    progress: Callable[[], None] | None,
+    on_tails: Data | None = None,
+) -> tuple[Fit, Scatter]:
     """The models of steps from rest, with intervals, and how the runs scatter; curves of τ near 0 or far beyond a
-    record overflow on the way."""
+    record overflow on the way. `on_tails`: their mean curves with the tails that the steps are without."""
     if not stepset.levels:
         raise DataError("no rising step was found in the logs; give «step_at», or check the input column")
     models = choose_models(stepset.kind, options.model)
@@ -242,7 +262,8 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
     if options.through:
         refuse_through(stepset, options, models)
     kept, held_out = split_held_out(stepset.levels, options.hold_out)
-    data, whole = data_of(kept, stepset.creep), stepset
+    plain, whole = data_of(kept, stepset.creep), stepset
+    data = plain if on_tails is None else replace(plain, compressed=on_tails.points)
     stepset = replace(stepset, levels=kept)
     with np.errstate(all="ignore"):
         fitted = _fit_model if "nonlinear" in models else _fit_each_level
@@ -259,7 +280,7 @@ def _fit_levels(stepset: StepSet, options: FitOptions, progress: Callable[[], No
                 share, more = share_of(near, data)
                 findings += more
         if "linear" in models:
-            linear, more = linear_part(data, scatter, options, held_out)
+            linear, more = linear_part(plain, scatter, options, held_out)
             result = msgspec.structs.replace(result, linear=linear)
             findings += more
     summary = Uncertainty(

