@@ -31,11 +31,9 @@ def scaled_inverse(matrix: Array, rcond: float = 1e-13) -> Array:
 
 def link(tied: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Which of n are tied to each other, be it by way of others: the number of its group for each, (n,)."""
-    label, before = np.arange(len(tied)), np.full(len(tied), -1)
-    while (label != before).any():
-        before = label
-        label = np.minimum(label, np.where(tied, label, len(tied)).min(axis=1))
-    return np.unique(label, return_inverse=True)[1]
+    from scipy.sparse.csgraph import connected_components
+
+    return np.asarray(connected_components(tied, directed=False)[1], dtype=np.intp)
 
 
 def white_squares(values: Array) -> float:

@@ -13,7 +13,7 @@ from eaid.arrays import Array
 from eaid.estimate.solver import CONVERGED, ROUNDING, Problem, approach, polish, slsqp
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, Value, finding
-from eaid.plant.trends import FORMS
+from eaid.plant.trends import FORMS, gradient
 from eaid.results.common import Interval
 from eaid.results.models import Trend
 
@@ -152,7 +152,7 @@ def _coefficients(
     if trend.at_bounds:
         return None, True
     c = np.array(trend.coefficients)
-    G, spare = FORMS[trend.form].gradient(c, x).T, len(y) - len(c)
+    G, spare = gradient(trend.form, c, x).T, len(y) - len(c)
     scale = 1 / np.maximum(np.sqrt((G**2).sum(axis=0)), 1e-300)
     values = np.linalg.svd(G * scale, compute_uv=False)
     if values[-1] < 1e-7 * values[0]:

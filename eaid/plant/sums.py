@@ -84,14 +84,11 @@ def lagged(values: Array, dt_s: float, tau: float) -> Array:
     return found
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def unforeseen(values: Array, coefficients: Array) -> Array:
     """What an autoregression does not foresee of columns of values, (n, k)."""
     left = values.copy()
-    for row in range(len(values)):
-        for lag in range(1, min(row, len(coefficients)) + 1):
-            for j in range(values.shape[1]):
-                left[row, j] -= coefficients[lag - 1] * values[row - lag, j]
+    for lag, one in enumerate(coefficients.tolist(), 1):
+        left[lag:] -= one * values[:-lag]
     return left
 
 

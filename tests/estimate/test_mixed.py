@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse.csgraph import connected_components
 from scipy.special import stdtrit
 
-from eaid.arrays import link
 from eaid.estimate.mixed import MixedLine, MixedValues, fit_restricted
 
 DYESTUFF = np.array(  # Davies (1947), as in lme4: six batches of five yields [g]
@@ -96,15 +94,3 @@ def test_values_that_scatter_less_than_they_are_known_have_no_component():
     line = fit_restricted(MixedValues(2 + x + off, np.c_[np.ones(8), x], np.eye(8), (np.eye(8),)))
     assert line.v[0] == 0
     assert ahead(line, np.array([1, 0.5]), 6.0) == pytest.approx((2.5, 0.125, 6.0))
-
-
-def test_what_is_tied_by_way_of_others_is_one_group() -> None:
-    random = np.random.default_rng(1)
-    for n, share in ((1, 0.0), (9, 0.1), (40, 0.03), (40, 0.3)):
-        tied = random.random((n, n)) < share
-        tied |= tied.T
-        count, theirs = connected_components(tied, directed=False)
-        mine = link(tied)
-        assert len(set(mine)) == count == len({*zip(mine.tolist(), theirs.tolist(), strict=True)})
-    chain = np.abs(np.subtract.outer(np.arange(30), np.arange(30))) == 1
-    assert not link(chain).any()

@@ -146,7 +146,7 @@ def test_a_low_level_behind_a_high_one_in_any_order() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_tails_as_large_as_the_steps_that_begin_on_them(seed: int) -> None:
     """Rests of 5 s in any order: a tail of 100 % is twice the output at 10 %. It was taken for one that ran away, and
-    the logs were fitted as recorded, τ2 18 % off at 50 % (σ of 16 sets; now 6). Intervals reach over what is not known of the tails."""
+    the logs were fitted as recorded, τ2 18 % off at 50 % (σ of 16 sets; now 6)."""
     random = np.random.default_rng([seed, 20270])
     fit = eaid.fit(eaid.read({str(k): pd.DataFrame(coverage.sweep(random, 5.0)) for k in range(3)}))
     assert fit.recorded is None and fit.on_tails

@@ -34,20 +34,19 @@ def test_outside_the_identified_duties() -> None:
     assert upto80.time_constants(95.0) == upto80.time_constants(80.0)
 
 
-@pytest.mark.parametrize("model", ["friction", *TRENDS])
-def test_derivatives_are_those_of_a_complex_step(model: str) -> None:
-    if model == "friction":
-        start, gradient = astuple(CURVE), step_slopes(CURVE, TIME)
-    else:
-        start, gradient = TRENDS[model], trends.FORMS[model].gradient(np.array(TRENDS[model]), X)
-    assert len(gradient) == len(start)
-    for k in range(len(start)):
-        moved = [value + 1j * STEP * (i == k) for i, value in enumerate(start)]
-        if model == "friction":
-            values = step_response(Step(*moved), TIME)
-        else:
-            values = trends.FORMS[model].curve(np.array(moved), X)
-        assert gradient[k] == pytest.approx(values.imag / STEP, rel=1e-12, abs=1e-15)
+def test_derivatives_are_those_of_a_complex_step() -> None:
+    slopes = step_slopes(CURVE, TIME)
+    for k, values in enumerate(np.eye(4)):
+        moved = Step(*(np.array(astuple(CURVE)) + 1j * STEP * values).tolist())
+        assert slopes[k] == pytest.approx(step_response(moved, TIME).imag / STEP, rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize("form", TRENDS)
+def test_derivatives_of_trends_are_their_differences(form: str) -> None:
+    c = np.array(TRENDS[form])
+    for slope, one in zip(trends.gradient(form, c, X), 1e-6 * np.eye(len(c)), strict=True):
+        up, down = (trends.evaluate(form, tuple(c + side * one), X) for side in (1, -1))
+        assert slope == pytest.approx((up - down) / 2e-6, rel=1e-6, abs=1e-9)
 
 
 def test_trends_of_table_one_and_the_merged_limit_of_two_rates() -> None:
