@@ -47,6 +47,7 @@ class EaidError(Exception):
     exit_code = 1
 
     def __init__(self, *sentences: str) -> None:
+        sentences = tuple(dict.fromkeys(sentences))  # parts of one log say the same
         typed = (on_command_line(one) if one.startswith("try: ") else in_python(one) for one in sentences)
         super().__init__("\n".join(typed))
         self.sentences = sentences
