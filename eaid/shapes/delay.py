@@ -46,6 +46,7 @@ SURE_ROWS = 0.2  # Rows that the form of the curve leaves open
 RISE_PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its start
 FEWEST_ROWS, RISE_TAUS = 6, 30
 START_NOISE = 0.02  # Of the held output: noise that is larger is averaged before a rise's rows are looked for
+PRICE = 8.0  # Squares over the noise's by which a second exponential has to leave less of a level
 LATE_EVIDENCE = 30.0  # Twice the logarithm of the likelihood that noise alone hardly makes of a dead time
 # Levels whose dead times tell a ramp, by what factor these differ, and squares about it over those about their mean
 FEWEST_RAMPS, RAMPS_APART, RAMP_PART = 3, 1.5, 0.2
@@ -163,6 +164,9 @@ class Law(NamedTuple):
     share: float
 
 
+ONE = Law("one", 1.0)
+
+
 def evidence(level: Level, law: Law) -> float:
     """By how much the logarithm of the likelihood of a level's mean curve grows with a dead time, twice."""
     points = average_record(level.time_s, level.mean)
@@ -183,18 +187,41 @@ def _fit_curves(points: AveragedRecord, delays: Sequence[float], law: Law) -> tu
 
 
 def find_by_cost(levels: Sequence[Level], law: Law) -> Begin | None:
-    """The dead time behind which two exponentials leave least of the levels' mean curves; None where they leave more
-    than noise."""
+    """The dead time behind which a law leaves least of the levels' mean curves, or one exponential that leaves no more;
+    None where they leave more than noise."""
     points = [average_record(level.time_s, level.mean) for level in levels]
-    fits, free = [_fit_curves(one, [0.0, *delays_tried(one)], law) for one in points], FREE[law.shape]
+    fits = [_fit_curves(one, [0.0, *delays_tried(one)], law) for one in points]
     near = [found[0] for found in fits if found is not None]
     if len(near) < len(fits):
         return None
     noise = [_noise(level.mean - step_curve(p, level.time_s)) for level, p in zip(levels, near, strict=True)]
+    cost, near = _least_late(points, near, noise, law.shape)
+    shape, alone = law.shape, [_fit_curves(one, [float(p[4])], ONE) for one, p in zip(points, near, strict=True)]
+    if ones := [found[0] for found in alone if found is not None]:
+        of_one, ones = _least_late(points, ones, noise, ONE.shape)
+        if of_one < cost + PRICE * len(levels):  # of which a second one makes a jump at the start, and a later one
+            shape, near = ONE.shape, ones
+    found, white = [], 0
+    for level, p in zip(levels, near, strict=True):
+        curve, J = step_curve(p, level.time_s), slopes(p, level.time_s)[:, [*FREE[shape], 4]]
+        white += independent_samples(level.mean - curve) > WHITE * len(curve)
+        unit = inverse(J.T @ J)
+        for run in level.runs:
+            shift, spread = float((unit @ (J.T @ (run - curve)))[-1]), float(unit[-1, -1]) * _noise(run - curve)
+            found.append((float(p[4]) + shift, 1 / max(spread, 1e-300), float(np.exp(p[1]))))
+    return _judge_starts(np.array(found), levels) if 2 * white > len(levels) and len(found) > 1 else None
+
+
+def _least_late(
+    points: Sequence[AveragedRecord], near: Sequence[Array], noise: Sequence[float], shape: str
+) -> tuple[float, list[Array]]:
+    """What a shape leaves of the levels over their noise behind the dead time that is best for all, and their places
+    there."""
 
     def ends(theta: float) -> list[tuple[Array, float]]:  # always from there: far off, a curve ends elsewhere
         begin = [np.append(p[:4], theta) for p in near]
-        return [solve_least(one, p, law.shape, free, SHAPES_SETTLED) for one, p in zip(points, begin, strict=True)]
+        pairs = zip(points, begin, strict=True)
+        return [solve_least(one, p, shape, FREE[shape], SHAPES_SETTLED) for one, p in pairs]
 
     def cost(theta: float) -> float:
         each = zip(ends(theta), points, noise, strict=True)
@@ -204,17 +231,8 @@ def find_by_cost(levels: Sequence[Level], law: Law) -> Begin | None:
     tried = np.linspace(-EARLIEST * latest, latest, CURVES_TRIED)
     at = int(np.argmin([cost(theta) for theta in tried.tolist()]))
     between = tried[max(at - 1, 0)], tried[min(at + 1, CURVES_TRIED - 1)]
-    best = minimize_scalar(cost, bounds=between, method="bounded", options={"xatol": 1e-3 * latest}).x
-    near = [p for p, _ in ends(float(best))]
-    found, white = [], 0
-    for level, p in zip(levels, near, strict=True):
-        curve, J = step_curve(p, level.time_s), slopes(p, level.time_s)[:, [*free, 4]]
-        white += independent_samples(level.mean - curve) > WHITE * len(curve)
-        unit = inverse(J.T @ J)
-        for run in level.runs:
-            shift, spread = float((unit @ (J.T @ (run - curve)))[-1]), float(unit[-1, -1]) * _noise(run - curve)
-            found.append((float(p[4]) + shift, 1 / max(spread, 1e-300), float(np.exp(p[1]))))
-    return _judge_starts(np.array(found), levels) if 2 * white > len(levels) and len(found) > 1 else None
+    best = minimize_scalar(cost, bounds=between, method="bounded", options={"xatol": 1e-3 * latest})
+    return float(best.fun), [p for p, _ in ends(float(best.x))]
 
 
 def _noise(left: Array) -> float:
