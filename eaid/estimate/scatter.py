@@ -45,6 +45,10 @@ SPARE_LEVELS = 4  # Levels beyond the terms of a curve that are needed to see th
 NEIGHBOURS = 4.5
 SWEEPS_CHANCE = 0.01  # Probability at which independent repeats would be taken for sweeps
 SWEPT_LEVELS = 3  # Levels at least that show sweeps
+# Levels beyond the coefficients of a curve from which single runs show their scatter in the levels' distance to it
+LEVELS_TO_SPARE = 2
+USUAL = 0.03  # Scatter of T_s from run to run [part of it] by which levels are weighed where none is seen
+USUAL_TAU = 0.05  # The same of time constants
 
 
 def log_jacobian(curve: Step, time_s: Array, share_free: bool = False) -> Array:
@@ -190,6 +194,21 @@ def scatter_about(levels: Sequence[Level], jacobians: Sequence[Array]) -> LevelS
     pairs = zip(levels, jacobians, strict=True)
     runs = [run_statistics(level, run_residuals(level.runs, J[:, 0], J), J) for level, J in pairs]
     pooled = pool_scatter(runs)
+    return replace(pooled, alike=correlate_by_noise(runs, jacobians, pooled))
+
+
+def scatter_of_singles(levels: Sequence[Level], jacobians: Sequence[Array], terms: Array, usual: Array) -> LevelScatter:
+    """The same of levels of a single run, by their distance to the estimate, which has so many `terms` of each number,
+    (k,); as runs of a rig usually scatter, `usual`, where too few levels are left."""
+    pairs = list(zip(levels, jacobians, strict=True))
+    runs = [run_statistics(level, run_residuals(level.runs, J[:, 0], J), J) for level, J in pairs]
+    off = np.clip([inverse(J.T @ J) @ (J.T @ (level.mean - J[:, 0])) for level, J in pairs], -1.0, 1.0)
+    spare = len(levels) - terms
+    seen = np.where(spare >= LEVELS_TO_SPARE, (off**2).sum(axis=0) / np.maximum(spare, 1), usual**2)
+    variance, alone = np.broadcast_to(seen, off.shape), np.ones((len(terms), len(levels), 1))
+    known = np.array([min(spare[spare >= LEVELS_TO_SPARE], default=np.inf)], dtype=np.float64)
+    none = np.zeros(len(terms))
+    pooled = LevelScatter(variance, unrelated(variance), alone, alone[:, 0], known, none, none)
     return replace(pooled, alike=correlate_by_noise(runs, jacobians, pooled))
 
 

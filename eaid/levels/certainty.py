@@ -17,7 +17,7 @@ from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.mixed import MixedLine
 from eaid.estimate.own_level import SURE, gains_of_runs, levels_about, pull_to_line
 from eaid.estimate.points import Normal, crossed_with_tails, level_normal, log_crossed
-from eaid.estimate.scatter import Scatter, run_residuals, window_sums
+from eaid.estimate.scatter import LEVELS_TO_SPARE, USUAL, USUAL_TAU, Scatter, run_residuals, window_sums
 from eaid.estimate.spread import (
     FEW_DEGREES,
     Influence,
@@ -31,17 +31,15 @@ from eaid.estimate.spread import (
 )
 from eaid.levels.from_steps import Solution, fit_levels_first
 from eaid.levels.slow_part import SlowPart, slow_part
-from eaid.levels.torque_curve import USUAL, TorqueCurve, torque_curve
+from eaid.levels.torque_curve import TorqueCurve, torque_curve
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant
 from eaid.plant.forms import Points
 from eaid.shapes.shape import is_coloured
 from eaid.steps.stepset import Level
 
-# Levels beyond the coefficients of T_s(u) from which single runs show their scatter in the levels' distance to it
-LEVELS_TO_SPARE = 2
 SAYS_NOTHING = float(np.log(100.0))  # Logarithm of the factor up or down from which an interval says nothing
-USUAL_SCATTER = (USUAL, 0.05, 0.05)  # Of ln T_s, ln τ1, ln τ2 from run to run, where nothing shows it
+USUAL_SCATTER = (USUAL, USUAL_TAU, USUAL_TAU)  # Of ln T_s, ln τ1, ln τ2 from run to run, where nothing shows it
 SHOWN_PART = 0.25  # Of a record, up to which a τ2 is shown by single runs of few levels
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 

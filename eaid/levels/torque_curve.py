@@ -8,11 +8,10 @@ from scipy.special import fdtri
 
 from eaid.arrays import Array
 from eaid.estimate.forms import Model
-from eaid.estimate.scatter import paule_mandel
+from eaid.estimate.scatter import USUAL, paule_mandel
 from eaid.estimate.solver import Problem, newton_step
 from eaid.estimate.spread import free_inverse
 
-USUAL = 0.03  # Scatter of T_s from run to run [part of it] by which levels are weighed where none is seen
 # Probability with which levels that lie on the curve are no further from it than this quantile of F
 BEYOND_CHANCE = 0.999
 

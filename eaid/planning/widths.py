@@ -18,9 +18,8 @@ from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw
 from eaid.estimate.forms import friction, nonlinear
-from eaid.estimate.scatter import ASSUMED, weigh_neighbours
+from eaid.estimate.scatter import ASSUMED, LEVELS_TO_SPARE, weigh_neighbours
 from eaid.estimate.spread import satterthwaite, t_quantile
-from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.options import PlanOptions
 from eaid.planning.kinds import NUMBERS_OF_KIND, PARAMETERS, Sensitivities, is_clutch, refuse_unplanned, steps_of
 from eaid.plant.drive import ROW_NUMBER, Drive

@@ -18,7 +18,16 @@ from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Proportional, Sides
-from eaid.recorded.creep import LEAST_GAIN, SURE_GAIN, by_noise, find_creeps, find_gain_drift, refit_with_creeps, sure
+from eaid.recorded.creep import (
+    LEAST_GAIN,
+    SURE_GAIN,
+    by_noise,
+    find_creeps,
+    find_far_creeps,
+    find_gain_drift,
+    refit_with_creeps,
+    sure,
+)
 from eaid.recorded.curve_intervals import curves
 from eaid.recorded.fall_tests import (
     FALL_CHANCE,
@@ -142,11 +151,13 @@ def choose_plant(
     chosen = _choose_plant(logs, others, inputs, options, rests, of_steps_s, falls)
     if others or not falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
-    if (gains := find_gain_drift([one for one in (chosen.solved, chosen.clutch) if one is not None])) is not None:
+    creeps = np.zeros(0) if chosen.clutch is None else find_far_creeps(chosen.clutch, chosen.logs)
+    gains = None if creeps.any() else find_gain_drift([x for x in (chosen.solved, chosen.clutch) if x is not None])
+    if gains is not None:
         return _choose_behind_drift(
             logs, gains, chosen, lambda plain: _choose_plant(plain, others, inputs, options, rests, of_steps_s, falls)
         )
-    creeps = find_creeps(chosen.solved, chosen.clutch, chosen.logs)
+    creeps = creeps if creeps.any() else find_creeps(chosen.solved, chosen.clutch, chosen.logs)
     if not creeps.any():
         return chosen
     plain = [take_off_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
@@ -474,7 +485,12 @@ def _fit_clutch(
     """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
     base = fit_setup(setup_of(forms.nonlinear(inputs.basis, options.held_share), [*logs, *others], rests))
     base = fit_falls_as_left(base) if falls else base
-    behind = fit_behind_dead_time(base, logs, others, options.held_dead_time_s, of_steps_s)
+    given_s, ask_share = options.held_dead_time_s, options.share == SHARE and not others
+    behind = fit_behind_dead_time(base, logs, others, given_s, of_steps_s)
+    if ask_share and behind.moved and (free_first := refit_with_share_free(base)) is not None:  # a wrong C moves inputs
+        other = fit_behind_dead_time(free_first[0], logs, others, given_s, of_steps_s)
+        held = refit_with_share_free(behind.solved) or (behind.solved, 0.0)
+        behind = other if other.solved.cost < held[0].cost else behind
     base, findings = behind.solved, []
     if (theta_s := base.fitted.dead_time(base.x)) and falls and not base.fitted.falls_as_left:  # which hid it
         base = fit_falls_as_left(base)
@@ -485,7 +501,7 @@ def _fit_clutch(
         elif theta_s > 0:
             findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
     free = not input_answers_output(base, behind.logs)
-    if free and options.share == SHARE and not others and (found := refit_with_share_free(base)) is not None:
+    if free and ask_share and (found := refit_with_share_free(base)) is not None:
         base, ends = found
         low, high = (base.x[base.setup.model.size - 1] + np.array([-ends, ends])).tolist()
         findings.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=(low + high) / 2, low=low, high=high))
@@ -513,12 +529,15 @@ def input_answers_output(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
 
 
 def refit_with_share_free(held: Solved) -> tuple[Solved, float] | None:
-    """A fit with C free, and its half-width, where logs reject the one that was held and tell another."""
-    setup, at = held.fitted, held.fitted.model.size
-    free = fit_near(replace(setup, model=replace(setup.model, share=None)), np.insert(held.x, at, SHARE))
-    noise = held.cost / count_independent(held)
-    if free.cost > held.cost - float(chdtri(1, SHARE_CHANCE)) * noise or not 0 < free.x[at] < 1:
-        return None
+    """A fit with C free, be it so already, and its half-width, where logs reject the one that was held and tell
+    another."""
+    setup, free, at = held.fitted, held, held.fitted.model.size - 1
+    if setup.model.share is not None:
+        at = setup.model.size
+        free = fit_near(replace(setup, model=replace(setup.model, share=None)), np.insert(held.x, at, SHARE))
+        by_noise = float(chdtri(1, SHARE_CHANCE)) * held.cost / count_independent(held)
+        if free.cost > held.cost - by_noise or not 0 < free.x[at] < 1:
+            return None
     half = spread(free).of(np.eye(len(free.x))[at])
     sure = abs(free.x[at] - SHARE) > half and share_is_told(free.x[at] - half, free.x[at] + half)
     return (free, half) if sure else None

@@ -13,19 +13,22 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.recorded_log import RecordedLog, take_off_creep
 from eaid.estimate.solver import approach
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE
-from eaid.recorded.from_logs import Solved, fit_near, setup_of
+from eaid.plant.sums import lagged
+from eaid.recorded.from_logs import Solved, fit_near, fit_setup, setup_of
 from eaid.recorded.kinds import count_independent
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, effective_samples, gains_of, spread
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
 DRIFT_CHANCE = 0.01  # That gains of engagements which scatter alone go so with time
 LEAST_GAIN, SURE_GAIN = 0.03, 0.001  # Part by which a gain drifts over a log that is told, and to which it is found
+GUESSED_LAGS, GUESSED_SURELY = (0.002, 0.01, 0.05), 3.0  # Parts of a log; standard errors of a creep that is guessed
+FAR_BETTER = 0.7  # Squares over those without a creep
 MOST_BENT = 0.7  # Of that, amid the log: half where it warms up at once
 
 
@@ -54,6 +57,34 @@ def find_creeps(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLo
     parts = [np.abs(one) / np.ptp(log.output[np.isfinite(log.output)]) for one, log in zip(creeps, logs, strict=True)]
     straight, bent = max(parts, key=lambda one: one[0])
     return creeps if LEAST_PART < straight < MOST_PART and bent < MOST_BENT * straight else nothing
+
+
+def find_far_creeps(clutch: Solved, logs: Sequence[RecordedLog]) -> Array:
+    """Creeps so large that a fit without them has been led astray, (L, 2): from where the input behind some lags leaves
+    them the clutch's form explains the logs far better; zeros where it does not."""
+    guessed, fitted = np.array([[guess_creep(log), 0.0] for log in logs]), clutch.fitted
+    if not guessed.any() or fitted.model.kind != "parallel":
+        return np.zeros_like(guessed)
+    plain = [take_off_creep(log, one) for log, one in zip(logs, guessed, strict=True)]
+    begun = add_creeps(fit_setup(setup_of(fitted.model, plain, fitted.idle_free, fitted.dead_time_s)), plain)
+    end = approach(begun.fitted.problem(), begun.x)
+    far = end.cost < FAR_BETTER * clutch.cost
+    return guessed + creeps_of(replace(begun, x=end.x)) if far else np.zeros_like(guessed)
+
+
+def guess_creep(log: RecordedLog) -> float:
+    """How far an output creeps beside a cubic of its input behind some lags, by least squares; 0 where noise explains
+    it."""
+    known, share = np.isfinite(log.output), (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
+    powers = (log.input[:, None] / np.abs(log.input).max()) ** np.arange(1, 4)
+    behind = [lagged(powers, log.usual_s, part * float(log.time_s[-1] - log.time_s[0])) for part in GUESSED_LAGS]
+    columns = np.column_stack([share, np.ones_like(share), *behind])[known]
+    y = log.output[known]
+    r = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
+    back = scaled_inverse(columns.T @ columns)
+    creep, independent = float(back[0] @ columns.T @ y), effective_samples(r, log.usual_s)
+    error = float(np.sqrt(back[0, 0] * (r @ r) / independent))
+    return creep if abs(creep) > max(GUESSED_SURELY * error, LEAST_PART * float(np.ptp(y))) else 0.0
 
 
 def find_gain_drift(tried: Sequence[Solved], least: float = LEAST_GAIN) -> Array | None:

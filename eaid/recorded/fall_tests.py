@@ -65,12 +65,15 @@ def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple
         of_input = "rest" in names and model.tau1.size > 1  # lags that are constant have no lowest input of their own
         ended = of_input and judgements["rest"].ends
         own = ("rest",) if ended and _makes_surer(by_levels, whole, known) else ()
-        if differing := tuple(name for name in names if judgements[name].differs or name in own):
-            if by_levels is base and differing == names:
-                base = whole
-            else:
-                base = fit_with_falls(base, differing)
-                judgements |= _judge(base, differing, spread(base))
+        differing = tuple(name for name in names if judgements[name].differs or name in own)
+        plain = base
+        while differing:  # alone one may differ no longer
+            base = whole if by_levels is plain and differing == names else fit_with_falls(plain, differing)
+            judgements |= _judge(base, differing, spread(base))
+            still = tuple(name for name in differing if judgements[name].differs or name in own)
+            if still == differing:
+                break
+            base, differing = plain, still
     rows = []
     for extra, numbers in FALL_NAMES.items():
         for k, name in enumerate(numbers[: len(judgements[extra].values)] if extra in judgements else ()):

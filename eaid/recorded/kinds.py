@@ -49,16 +49,21 @@ INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to
 class LagKind:
     """A kind of lag: its name here, its law, whether z and θ are unknowns."""
 
-    name: str
+    of: str
     law: str  # lag | swing
     zero: bool = False
     late: bool = False
 
+    @property
+    def name(self) -> str:
+        """Its name with its dead time."""
+        return self.of + "+dead" * self.late
+
 
 LAG_KINDS = tuple(
-    LagKind(name + ("+dead" if late else ""), law, zero, late)
+    LagKind(of, law, zero, late)
     for late in (False, True)
-    for name, law, zero in (("lag", "lag", False), ("series", "swing", False), ("zero", "swing", True))
+    for of, law, zero in (("lag", "lag", False), ("series", "swing", False), ("zero", "swing", True))
 )
 
 
@@ -159,18 +164,28 @@ class Search:
 
     def grid(self) -> list["GridPlace"]:
         """The squares left at every place of it."""
-        span, shortest = self.longest_s, self.shortest_s
-        taus = np.geomspace(0.6 * shortest, 2 * span, GRID_TAUS).tolist()
-        thetas = [0.0, *np.geomspace(0.5 * shortest, LONGEST_DEAD_TIME * span, GRID_DELAYS).tolist()]
+        taus = np.geomspace(0.6 * self.shortest_s, 2 * self.longest_s, GRID_TAUS).tolist()
         shapes = [(tau, zeta) for tau in taus for zeta in (math.inf, *GRID_DAMPINGS)]
         shapes += [(1 / w, zeta) for w in find_peak_frequencies(self) for zeta in GRID_DAMPINGS[:2]]
-        found = []
-        for theta in thetas if self.dead_time_s is None else [self.dead_time_s]:
-            costs = self.costs([delayed(beginning(drive, GRID_ROWS), theta) for drive in self.drives], shapes).tolist()
-            found += [
-                GridPlace(*shape, theta, (plain, zero)) for shape, (plain, zero) in zip(shapes, costs, strict=True)
-            ]
-        return found
+        thetas = [0.0, *self.delays] if self.dead_time_s is None else [self.dead_time_s]
+        return [place for theta in thetas for place in self.places(theta, shapes)]
+
+    @property
+    def delays(self) -> list[float]:
+        """Dead times of the grid [s]."""
+        return [*np.geomspace(0.5 * self.shortest_s, LONGEST_DEAD_TIME * self.longest_s, GRID_DELAYS).tolist()]
+
+    def places(self, theta: float, shapes: Sequence[tuple[float, float]]) -> list["GridPlace"]:
+        """Places behind a dead time."""
+        costs = self.costs([delayed(beginning(drive, GRID_ROWS), theta) for drive in self.drives], shapes).tolist()
+        return [GridPlace(*shape, theta, (plain, zero)) for shape, (plain, zero) in zip(shapes, costs, strict=True)]
+
+    def behind(self, plain: Solved, zero: bool) -> "GridPlace":
+        """The best dead time beside the lags of a fit without one."""
+        shape = (float(plain.coefficients[plain.setup.model.slices[1]][0]), math.inf)
+        if plain.setup.model.kind == "swing":
+            shape = shape[0], float(plain.coefficients[plain.setup.model.slices[2]][0])
+        return min((self.places(theta, [shape])[0] for theta in self.delays), key=lambda one: one.costs[zero])
 
 
 @dataclass(frozen=True)
@@ -331,13 +346,14 @@ def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried] = ()) ->
 
     The best stand fitted to every sample, as rivals do; the others to the rows on which they are looked for.
     """
-    gain, grid, tried = Proportional(search.low, search.high), search.grid(), []
+    gain, grid, tried = Proportional(search.low, search.high), search.grid(), list[Tried]()
     for kind in LAG_KINDS:
         if kind.late and search.dead_time_s is not None:
             continue
-        ends = [
-            fit_kind_from(search, kind, gain, at.theta, at.tau, at.zeta) for at in find_best_places(search, kind, grid)
-        ]
+        begins = find_best_places(search, kind, grid)
+        if kind.late and search.dead_time_s is None:
+            begins += [search.behind(one.solved, kind.zero) for one in tried if one.kind == replace(kind, late=False)]
+        ends = [fit_kind_from(search, kind, gain, at.theta, at.tau, at.zeta) for at in begins]
         tried.append(Tried(kind, min(ends, key=lambda one: one.cost)))
     forms = list(richer_gains(search, levels))
     for one in tuple(tried):  # what a gain lacks another lag or a dead time imitates: none is left out for its cost

@@ -77,6 +77,11 @@ class Timed:
     logs: tuple[RecordedLog, ...]  # With inputs that were noted late where they acted
     late: tuple[Delay, ...]  # By which each was noted late
 
+    @property
+    def moved(self) -> bool:
+        """Whether inputs act at other times than they were noted."""
+        return self.solved.fitted.dead_time(self.solved.x) > 0 or any(one.rows for one in self.late)
+
 
 def fit_behind_dead_time(
     base: Solved, logs: Sequence[RecordedLog], steps: Sequence[RecordedLog], given_s: float | None, of_steps_s: float

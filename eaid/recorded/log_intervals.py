@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from eaid.arrays import Array, means_of
-from eaid.estimate.scatter import pace, scatter_about
+from eaid.estimate.scatter import USUAL, USUAL_TAU, pace, scatter_about, scatter_of_singles
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
@@ -377,8 +377,9 @@ def spread(solved: Solved) -> Spread:
 
 
 def spread_by_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Spread:
-    """The spread of a fit to the mean curves of some levels, by their runs; as it is where no level has several."""
-    if max((len(level.runs) for level in levels), default=0) < 2:
+    """The spread of a fit to the mean curves of some levels, by their runs, single ones by how they lie about it; as it
+    is where the logs are no levels."""
+    if not levels:
         return plain
     setup, x, first = solved.setup, solved.x, solved.setup.model.slices[0].stop
     units = np.where(x[first:] != 0, np.abs(x[first:]), 1.0)  # logarithms, but for what is 0
@@ -389,6 +390,11 @@ def spread_by_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Sp
         curvature += J.T @ J
         along.append(own[-1].T @ J * root)
     pull = free_inverse(curvature, setup.problem().A[solved.active])
-    return replace(
-        plain, runs=Influence(np.array(along) @ pull, scatter_about(levels, own), np.zeros((0, setup.size)), 0.0)
-    )
+    if max(len(level.runs) for level in levels) > 1:
+        seen = scatter_about(levels, own)
+    else:
+        lags = [part.stop - part.start for part in setup.model.slices[1:]]
+        terms = np.array([first, *np.repeat(lags, lags), *np.ones(len(x) - first - sum(lags))])
+        usual = np.array([USUAL, *np.full(len(x) - first, USUAL_TAU)])
+        seen = scatter_of_singles(levels, own, terms, usual)
+    return replace(plain, runs=Influence(np.array(along) @ pull, seen, np.zeros((0, setup.size)), 0.0))

@@ -16,10 +16,9 @@ from eaid.estimate.own_level import (
     levels_scatter,
     pull_to_line,
 )
-from eaid.estimate.scatter import scatter_about
+from eaid.estimate.scatter import LEVELS_TO_SPARE, scatter_about
 from eaid.estimate.spread import LevelScatter
 from eaid.findings import Finding, finding
-from eaid.levels.certainty import LEVELS_TO_SPARE
 from eaid.plant.forms import PerLevel
 from eaid.recorded.curve_intervals import LIMITS_PCT
 from eaid.recorded.from_logs import Solved, fit_near, fit_through_levels, plant_found
@@ -105,7 +104,7 @@ ByThemselves = tuple[Array, Array, float, LevelScatter | None]
 
 def _by_runs(solved: Solved, known: Spread, levels: Sequence[Level], size: Array) -> ByThemselves | None:
     """Of steps from rest: the gain of each mean curve, as those of its runs scatter."""
-    if known.runs is None:
+    if known.runs is None or max(len(level.runs) for level in levels) < 2:
         return None
     setup, first = solved.setup, solved.setup.model.slices[0].stop
     curves = [y + missed for y, missed in zip(solved.outputs, solved.missed, strict=True)]

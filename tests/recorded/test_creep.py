@@ -1,5 +1,7 @@
 """An output that creeps beside its response, in a log of any input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -38,6 +40,49 @@ def test_a_creep_is_found_and_no_plant_imitates_it(creep, bent, tmp_path):
         assert fit.at(level).loc["tau2", "value"] == pytest.approx(4.0, rel=0.1)
     again = eaid.simulate(fit, log=path).records["log"]
     assert again.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+
+
+WIDE = Plant((0.1, 0.012, -1e-4), (1.5, 0.12, -7e-4), (0.05, 0.01, 2e-4, 1.2e-6), (10.0, 100.0))
+
+
+def random_steps(plant: Plant, lasts_s: float, seed: int) -> pd.DataFrame:
+    """Levels of 10 to 100 % for 0.3 to 6 s each, at 100 Hz; noise of 0.01 N·m, and of 1 % with a memory of 0.2 s."""
+    random, parts = np.random.default_rng(seed), [np.zeros(200)]
+    while sum(map(len, parts)) < 100 * lasts_s:
+        parts.append(np.full(int(random.uniform(30, 600)), float(random.integers(10, 101))))
+    duty, keep = np.concatenate(parts), np.exp(-0.05)
+    t = np.arange(len(duty)) / 100
+    y = respond(plant, t, duty, t)
+    ripple = lfilter([np.sqrt(1 - keep**2)], [1, -keep], random.normal(size=len(t)))
+    torque = y + 0.01 * np.abs(y) * ripple + 0.01 * random.normal(size=len(t))
+    return pd.DataFrame({"time_s": t, "duty_pct": duty, "torque_nm": torque})
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(5, marks=pytest.mark.slow)])
+def test_a_large_creep_leads_no_fit_astray(seed):
+    """A tenth of the highest output: the fit ended where τ2 had no end at 10 %, or told a gain that drifts."""
+    log = random_steps(WIDE, 150.0, seed)
+    log["torque_nm"] += 0.003 * log["time_s"]
+    fit = eaid.fit(log)
+    told = {one.code: one.values for one in fit.findings if one.severity != "note"}
+    assert set(told) == {"log-creeps"}
+    assert told["log-creeps"]["end"] == pytest.approx(0.003 * log["time_s"].iloc[-1], abs=0.03)
+    for level in (15.0, 55.0, 95.0):
+        tau1, tau2 = WIDE.time_constants(level)
+        assert fit.at(level).loc["Ts", "value"] == pytest.approx(float(WIDE.steady(level)), rel=0.08)
+        assert fit.at(level).loc["tau1", "value"] == pytest.approx(float(tau1), rel=0.06)
+        assert fit.at(level).loc["tau2", "value"] == pytest.approx(float(tau2), rel=0.3)
+
+
+@pytest.mark.parametrize("seed", [4, pytest.param(1, marks=pytest.mark.slow)])
+def test_another_share_makes_no_input_noted_late(seed):
+    """C of 0.6: with the one that is held, inputs acted 20 ms early, and τ1 was a quarter too long."""
+    plant = replace(WIDE, C=0.6)
+    fit = eaid.fit(random_steps(plant, 200.0, seed))
+    assert not [one for one in fit.findings if one.code in ("input-late", "dead-time")]
+    assert plant.C - 0.02 < fit.plant.C < plant.C + 0.02
+    for level in (15.0, 55.0, 95.0):
+        assert fit.at(level).loc["tau1", "value"] == pytest.approx(float(plant.time_constants(level)[0]), rel=0.06)
 
 
 @pytest.mark.parametrize("seed", range(3))
