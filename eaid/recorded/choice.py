@@ -151,9 +151,9 @@ def choose_plant(
     chosen = _choose_plant(logs, others, inputs, options, rests, of_steps_s, falls)
     if others or not falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
-    creeps = np.zeros(0) if chosen.clutch is None else find_far_creeps(chosen.clutch, chosen.logs)
-    gains = None if creeps.any() else find_gain_drift([x for x in (chosen.solved, chosen.clutch) if x is not None])
-    if gains is not None:
+    gains = find_gain_drift([one for one in (chosen.solved, chosen.clutch) if one is not None])
+    creeps = np.zeros(0) if chosen.clutch is None else find_far_creeps(chosen.clutch, chosen.logs, gains)
+    if gains is not None and not creeps.any():
         return _choose_behind_drift(
             logs, gains, chosen, lambda plain: _choose_plant(plain, others, inputs, options, rests, of_steps_s, falls)
         )

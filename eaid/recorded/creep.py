@@ -14,13 +14,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from eaid.arrays import Array, scaled_inverse
-from eaid.estimate.recorded_log import RecordedLog, take_off_creep
+from eaid.estimate.recorded_log import RecordedLog, take_off_creep, take_off_drift
 from eaid.estimate.solver import approach
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE
 from eaid.plant.sums import lagged
-from eaid.recorded.from_logs import Solved, fit_near, fit_setup, setup_of
+from eaid.recorded.from_logs import Solved, fit_near, fit_setup, idle_found, setup_of
 from eaid.recorded.kinds import count_independent
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, effective_samples, gains_of, spread
 
@@ -59,9 +59,9 @@ def find_creeps(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLo
     return creeps if LEAST_PART < straight < MOST_PART and bent < MOST_BENT * straight else nothing
 
 
-def find_far_creeps(clutch: Solved, logs: Sequence[RecordedLog]) -> Array:
+def find_far_creeps(clutch: Solved, logs: Sequence[RecordedLog], gains: Array | None) -> Array:
     """Creeps so large that a fit without them has been led astray, (L, 2): from where the input behind some lags leaves
-    them the clutch's form explains the logs far better; zeros where it does not."""
+    them the clutch's form explains the logs far better, and than with `gains` that drift; zeros where it does not."""
     guessed, fitted = np.array([[guess_creep(log), 0.0] for log in logs]), clutch.fitted
     if not guessed.any() or fitted.model.kind != "parallel":
         return np.zeros_like(guessed)
@@ -69,6 +69,11 @@ def find_far_creeps(clutch: Solved, logs: Sequence[RecordedLog]) -> Array:
     begun = add_creeps(fit_setup(setup_of(fitted.model, plain, fitted.idle_free, fitted.dead_time_s)), plain)
     end = approach(begun.fitted.problem(), begun.x)
     far = end.cost < FAR_BETTER * clutch.cost
+    if far and gains is not None:
+        idles = [idle_found(clutch, k) + (log.baseline or 0.0) for k, log in enumerate(logs)]
+        steady = [take_off_drift(*one) for one in zip(logs, gains.tolist(), idles, strict=True)]
+        other = fit_setup(setup_of(fitted.model, steady, fitted.idle_free, fitted.dead_time_s))
+        far = end.cost < other.cost
     return guessed + creeps_of(replace(begun, x=end.x)) if far else np.zeros_like(guessed)
 
 

@@ -219,7 +219,7 @@ def friction_of_logs(
     taus = {"tau1": tables.tau1, "tau2": tables.tau2}
     for name, low, value, high in () if lags is None else lags.rows:
         taus[name] = value
-        for u, least, most in zip(levels.tolist(), low.tolist(), high.tolist(), strict=True):
+        for u, least, most in zip(levels.tolist(), low.tolist(), high.tolist(), strict=True) if known else ():
             ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), **{name: (least, most)})
     values = zip(steady.tolist(), taus["tau1"].tolist(), taus["tau2"].tolist(), strict=True)
     rows = [
