@@ -69,7 +69,8 @@ def answer(fit: "Fit") -> list[str]:
     elif model is not None and not of_another_kind(fit):
         used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
         parted = any(one.code in ("joint-fit-parts", "joint-fit-asked-for-parts") for one in fit.findings)
-        lines.append(f"used   {used}{' (the joint fit disagrees with the single levels)' if parted else ''}")
+        apart = " (not the joint fit, which gains that scatter lead astray)" if parted else ""
+        lines.append(f"used   {used}{apart}")
     return [*lines, *_held(fit)]
 
 

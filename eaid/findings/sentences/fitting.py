@@ -438,7 +438,7 @@ ROWS: dict[str, Row] = {
         lambda v: (
             f"{v['subject']}: the output answers after a dead time of {v['dead_time_s']:.3g} s"
             + (f" ({v['low']:.3g} … {v['high']:.3g})" if "low" in v else "")
-            + ", or its input is noted so early; the models begin behind it"
+            + ", or its input is noted so early, or a filter delays it; the models begin behind it"
         ),
         "dead_time_s",
     ),
