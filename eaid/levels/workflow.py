@@ -62,6 +62,7 @@ Sets = tuple[StepSet, StepSet]  # Steps as they were recorded, and the same behi
 # Findings that no creep leaves behind it
 WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike", "polynomials-too-low")
 NO_STEP = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
+LARGE_TAIL = 0.2  # Part of its level's output, from which on a tail puts a run off the others
 SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
 LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 
@@ -179,15 +180,13 @@ def _fit_without_tails(
     is a fit without tails of steps that differ little, in place of one with them."""
     (_, behind), plain = sets, None
     if near is None or not near.on_tails:
-        near, scatter = plain = _fit_levels(sets[1], options, progress)
+        plain = _fit_levels(behind, options, progress)
+        near = plain[0]
     if near.nonlinear is not None:
         begin = with_release(near.nonlinear.parameters, near.release)
         found = find_tails(begin, behind)
-        part, level = largest_part(behind, found)
-        if part >= MATTERS and are_sound(behind, found):
-            off, result, scatter = _fit_on_tails(sets, begin, near.release, options, progress)
-            told = finding("tails-taken-off", "data", [level], pct=100 * part, unit=behind.input_unit)
-            return off, msgspec.structs.replace(result, findings=(told, *result.findings)), scatter
+        if largest_part(behind, found)[0] >= MATTERS and are_sound(behind, found):
+            return _fit_on_tails(sets, begin, near.release, options, progress)
     return (sets, *(plain or _fit_levels(behind, options, progress)))
 
 
@@ -208,7 +207,13 @@ def _fit_on_tails(
     recorded, _ = split_held_out(behind.levels, options.hold_out)
     data = data_on_tails(recorded, tails, [find_tails(one, behind) for one in errors])
     result, scatter = _fit_levels(off[1], options, progress, data)
-    told = [one for one in result.findings if one.subject != "release"]
+    part, level = largest_part(behind, tails)
+    told = [finding("tails-taken-off", "data", [level], pct=100 * part, unit=behind.input_unit)]
+    large = {one.level for one in behind.levels if largest_part(replace(behind, levels=(one,)), tails)[0] > LARGE_TAIL}
+    told += [  # a run on a large tail lies off by what is not known of that
+        one for one in result.findings
+        if one.subject != "release" and not (one.code == "repeat-is-off" and large.issuperset(one.levels))
+    ]  # fmt: skip
     told += [finding("release-as-left", "release")] if release is not None and release.as_left else []
     return off, msgspec.structs.replace(result, release=release, findings=tuple(told)), scatter
 

@@ -255,7 +255,7 @@ ROWS: dict[str, Row] = {
         "by one clock"
     ),
     "tails-taken-off": note(
-        "steps begin on what the one before has left ({pct:.2g} % of the output {at}, where it is most): that is taken "
+        "steps begin on what the one before has left ({pct:.3g} % of the output {at}, where it is most): that is taken "
         "off as the plant tells it; rest longer between steps"
     ),
     "session-drifts": caution(
