@@ -28,7 +28,7 @@ LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep make
 DRIFT_CHANCE = 0.01  # That gains of engagements which scatter alone go so with time
 LEAST_GAIN, SURE_GAIN = 0.03, 0.001  # Part by which a gain drifts over a log that is told, and to which it is found
 GUESSED_LAGS, GUESSED_SURELY = (0.002, 0.01, 0.05), 3.0  # Parts of a log; standard errors of a creep that is guessed
-FAR_BETTER = 0.7  # Squares over those without a creep
+FAR_BETTER = 0.5  # Squares over those without a creep
 MOST_BENT = 0.7  # Of that, amid the log: half where it warms up at once
 
 
