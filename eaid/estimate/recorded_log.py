@@ -141,13 +141,15 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
 def at_limit(output: Array) -> NDArray[np.bool_]:
     """Rows at which an output stands at its largest value as only one does whose sensor ends there, (n,): again and
     again where noise, or a response that comes to rest, would hardly twice."""
+    nowhere, there = np.zeros(len(output), dtype=bool), output == np.nanmax(output, initial=-np.inf)
+    if there.sum() < FEWEST_AT_LIMIT:  # most outputs, which are not put in order
+        return nowhere
     values, counts = np.unique(output[np.isfinite(output)], return_counts=True)
-    there = output == values[-1]
-    if len(values) < FEWEST_VALUES or counts[-1] < FEWEST_AT_LIMIT or counts[-1] < TIMES_MORE * counts[-21:-1].max():
-        return np.zeros(len(output), dtype=bool)
+    if len(values) < FEWEST_VALUES or counts[-1] < TIMES_MORE * counts[-21:-1].max():
+        return nowhere
     enters = np.flatnonzero(there[1:] & ~there[:-1])
     jumps = len(enters) > 0 and median(values[-1] - output[enters]) > LEAST_JUMP * float(values[-1] - values[0])
-    return there if jumps else np.zeros(len(output), dtype=bool)
+    return there if jumps else nowhere
 
 
 def logs_of_steps(steps: StepSet) -> list[RecordedLog]:
