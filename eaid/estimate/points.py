@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array
 from eaid.plant.dynamics import Step
-from eaid.plant.steps import decay, slope_shapes, slope_sizes, step_response, step_slopes
+from eaid.plant.steps import decay, slope_shapes, slope_sizes, step_response
 
 POINTS_PER_BLOCK = 8
 SINGLE_ROWS = 16  # First samples, kept as they are: the fast rise may be over within them. A block is never shorter.
@@ -65,10 +65,7 @@ class Points:
 
     def step_slopes(self, theta: Array, i: int, t_s: Array) -> Array:
         """∂f/∂(T_s, τ1, τ2, C) of a level's curve, behind its tails, at instants, (4, n)."""
-        slopes, taus = step_slopes(Step(*theta[:, i].tolist()), t_s), theta[1:3, i, None]
-        if self.states is not None:
-            slopes[1:3] += self.states[:, i, None] * t_s / taus**2 * decay(t_s, taus)
-        return slopes
+        return np.asarray(slope_shapes(theta[:, [i]], t_s[None])[0, :4] * self.sizes(theta)[i, :4, None])
 
     @property
     def of_falls(self) -> "Points":

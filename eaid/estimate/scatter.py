@@ -205,11 +205,15 @@ def scatter_of_singles(levels: Sequence[Level], jacobians: Sequence[Array], term
     off = np.clip([inverse(J.T @ J) @ (J.T @ (level.mean - J[:, 0])) for level, J in pairs], -1.0, 1.0)
     spare = len(levels) - terms
     seen = np.where(spare >= LEVELS_TO_SPARE, (off**2).sum(axis=0) / np.maximum(spare, 1), usual**2)
-    variance, alone = np.broadcast_to(seen, off.shape), np.ones((len(terms), len(levels), 1))
-    known = np.array([min(spare[spare >= LEVELS_TO_SPARE], default=np.inf)], dtype=np.float64)
-    none = np.zeros(len(terms))
-    pooled = LevelScatter(variance, unrelated(variance), alone, alone[:, 0], known, none, none)
+    known = min(spare[spare >= LEVELS_TO_SPARE], default=np.inf)
+    pooled = scatter_of_all(np.broadcast_to(seen, off.shape), float(known), np.full(len(terms), np.nan))
     return replace(pooled, alike=correlate_by_noise(runs, jacobians, pooled))
+
+
+def scatter_of_all(variance: Array, degrees: float, between: Array) -> LevelScatter:
+    """The scatter of levels of a single run, which all of them show together, of variances (L, k)."""
+    alone, none = np.ones((variance.shape[1], len(variance), 1)), np.zeros(variance.shape[1])
+    return LevelScatter(variance, unrelated(variance), alone, alone[:, 0], np.array([degrees]), between, none)
 
 
 def unrelated(variance: Array) -> Array:
@@ -335,10 +339,8 @@ class Scatter:
             if row.sum() - TERMS[name] >= SPARE_LEVELS:
                 between[k] = _between(self.duty[row], theta[row, k], within[row, k], TERMS[name])
                 degrees.append(float(row.sum() - TERMS[name]))
-        alone = np.ones((within.shape[1], len(within), 1))
-        known = np.array([min(degrees, default=FEW_DEGREES)])
         variance = within + np.where(np.isfinite(between), between, 0.0)
-        return LevelScatter(variance, unrelated(variance), alone, alone[:, 0], known, between, np.zeros(len(between)))
+        return scatter_of_all(variance, min(degrees, default=FEW_DEGREES), between)
 
     @cached_property
     def of_levels(self) -> LevelScatter:

@@ -28,7 +28,7 @@ LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep make
 DRIFT_CHANCE = 0.01  # That gains of engagements which scatter alone go so with time
 LEAST_GAIN, SURE_GAIN = 0.03, 0.001  # Part by which a gain drifts over a log that is told, and to which it is found
 GUESSED_LAGS, GUESSED_SURELY = (0.002, 0.01, 0.05), 3.0  # Parts of a log; standard errors of a creep that is guessed
-FAR_BETTER = 0.5  # Squares over those without a creep
+LED_ASTRAY = 0.5  # Squares with a creep over those without, up to which a fit without it was led astray
 MOST_BENT = 0.7  # Of that, amid the log: half where it warms up at once
 
 
@@ -68,7 +68,7 @@ def find_far_creeps(clutch: Solved, logs: Sequence[RecordedLog], gains: Array | 
     plain = [take_off_creep(log, one) for log, one in zip(logs, guessed, strict=True)]
     begun = add_creeps(fit_setup(setup_of(fitted.model, plain, fitted.idle_free, fitted.dead_time_s)), plain)
     end = approach(begun.fitted.problem(), begun.x)
-    far = end.cost < FAR_BETTER * clutch.cost
+    far = end.cost < LED_ASTRAY * clutch.cost
     if far and gains is not None:
         idles = [idle_found(clutch, k) + (log.baseline or 0.0) for k, log in enumerate(logs)]
         steady = [take_off_drift(*one) for one in zip(logs, gains.tolist(), idles, strict=True)]

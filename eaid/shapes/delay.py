@@ -46,7 +46,7 @@ SURE_ROWS = 0.2  # Rows that the form of the curve leaves open
 RISE_PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its start
 FEWEST_ROWS, RISE_TAUS = 6, 30
 START_NOISE = 0.02  # Of the held output: noise that is larger is averaged before a rise's rows are looked for
-PRICE = 8.0  # Squares over the noise's by which a second exponential has to leave less of a level
+SECOND_SAVES = 8.0  # Squares over the noise's by which a second exponential has to leave less of a level
 LATE_EVIDENCE = 30.0  # Twice the logarithm of the likelihood that noise alone hardly makes of a dead time
 # Levels whose dead times tell a ramp, by what factor these differ, and squares about it over those about their mean
 FEWEST_RAMPS, RAMPS_APART, RAMP_PART = 3, 1.5, 0.2
@@ -197,9 +197,10 @@ def find_by_cost(levels: Sequence[Level], law: Law) -> Begin | None:
     noise = [_noise(level.mean - step_curve(p, level.time_s)) for level, p in zip(levels, near, strict=True)]
     cost, near = _least_late(points, near, noise, law.shape)
     shape, alone = law.shape, [_fit_curves(one, [float(p[4])], ONE) for one, p in zip(points, near, strict=True)]
-    if ones := [found[0] for found in alone if found is not None]:
+    ones = [found[0] for found in alone if found is not None]
+    if len(ones) == len(levels):
         of_one, ones = _least_late(points, ones, noise, ONE.shape)
-        if of_one < cost + PRICE * len(levels):  # of which a second one makes a jump at the start, and a later one
+        if of_one < cost + SECOND_SAVES * len(levels):  # a second one makes a jump of the start
             shape, near = ONE.shape, ones
     found, white = [], 0
     for level, p in zip(levels, near, strict=True):
