@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.control.kinds import LAW_KINDS, Law, kind_of
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
@@ -172,7 +172,7 @@ def as_stepped(points: Sequence[Point], steps: Sequence[StepShape]) -> list[Poin
         own = [one for one in steps if one.edge == "up" and one.from_ == 0 and one.level == point.duty_pct]
         over = [one for one in own if one.C > 1 and one.tau2 is not None]
         if 2 * len(over) > len(own) and point.plant.zeta is None:
-            tau1, tau2, C = (float(np.median([getattr(one, key) for one in over])) for key in ("tau1", "tau2", "C"))
+            tau1, tau2, C = (median([getattr(one, key) for one in over]) for key in ("tau1", "tau2", "C"))
             point = point._replace(plant=replace(point.plant, tau1=tau1, tau2=tau2, C=C))
         found.append(point)
     return found

@@ -47,6 +47,7 @@ class RecordedLog:
     drift: float = 0.0  # By which part its gain grew from begin to end, which was taken off its output
     limit: float | None = None  # Where its sensor ends: rows that stand there are not known; None: nowhere
     at_limit_pct: float = 0.0
+    late_s: float = 0.0  # By which its input was noted late, a part of a row [s]
 
     @cached_property
     def starts_idle(self) -> bool:
@@ -71,7 +72,7 @@ class RecordedLog:
             found[-1] = 0.0
             return found
         steps = np.diff(self.time_s)
-        usual = float(np.median(steps))
+        usual = median(steps)
         return np.append(np.where(np.abs(steps - usual) <= ROUNDED * usual, usual, steps), 0.0)
 
     @cached_property
@@ -102,6 +103,7 @@ class RecordedLog:
         return Drive(
             self.dt_s, np.repeat(index.ravel().astype(ROW_NUMBER), lasts), duty, paces, np.repeat(rising, lasts),
             np.where(known, above, 0.0), np.where(known, self.weight, 0.0), self.baseline is not None, self.starts_idle,
+            late_s=self.late_s,
         )  # fmt: skip
 
     @property
@@ -212,12 +214,13 @@ def without_drift(output: Array, share: Array, idle: float, drift: float) -> Arr
     return np.asarray(idle + (output - idle) / (1 + drift * (share - 0.5)))
 
 
-def shift_input(log: RecordedLog, rows: int) -> RecordedLog:
-    """The log with the input of so many rows later; behind a dead time it may begin at rest."""
+def shift_input(log: RecordedLog, rows: float) -> RecordedLog:
+    """The log with the input of so many rows later, parts of one among them; behind a dead time it may begin at
+    rest."""
     if rows == 0:
         return log
-    moved = read_only(moved_rows(log.input, rows))
-    return replace(log, input=moved, idle_start=log.starts_idle if rows > 0 else log.idle_start)
+    moved, late_s = read_only(moved_rows(log.input, int(rows))), (rows - int(rows)) * log.usual_s
+    return replace(log, input=moved, late_s=late_s, idle_start=log.starts_idle if rows > 0 else log.idle_start)
 
 
 def add_rest(log: RecordedLog, rows: int = 1) -> RecordedLog:

@@ -392,7 +392,7 @@ def unit_variances(curve: Step, hold_s: float) -> Array:
 def noise_of(of_runs: Scatter, records: Sequence[RunRecord]) -> Noise:
     """`uncertainty.noise` of a fit; the sensor's density is the median of idle runs, where some idle long enough."""
     idle = [run.idle_density for run in records if run.idle_density is not None]
-    sensor = float(np.median(idle)) if idle else None
+    sensor = median(idle) if idle else None
     known = np.flatnonzero(of_runs.usable[:, :3].all(axis=1)).tolist()
     units = np.reshape([unit_variances(of_runs.curves[i], float(of_runs.levels[i].time_s[-1])) for i in known], (-1, 2))
     within = np.ravel([of_runs.runs[i].within[:3] for i in known])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model
 from eaid.estimate.points import Points, level_normal
@@ -141,7 +141,7 @@ def touching_starts(x: Array, model: Model, data: Data, weight: Array) -> list[A
     form, part = model.tau2, model.slices[2]
     if form is None or form.size < 3:
         return []
-    typical = max(float(np.median(model.rows(data.u)[1] @ x)), TAU_FLOOR_S)
+    typical = max(median(model.rows(data.u)[1] @ x), TAU_FLOOR_S)
     half = 0.5 * (model.high - model.low)
     back, tops = np.linalg.inv(form.rows(form.inputs)), np.unique(data.u)[:: 1 + len(data.u) // TOUCHED]
     sizes = LONGEST_RECORDS * data.longest_s * np.array([0.1, 10.0, 1e3])

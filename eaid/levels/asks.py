@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from eaid.arrays import median
 from eaid.results.fit import Fit
 
 MEETS = ("tau2-meets-tau1", "tau1-floor")  # Constraints that hold two lags which are one
@@ -32,7 +33,7 @@ def nearly_alike(result: Fit) -> bool:
     """Whether the two lags of the model are as good as one at most levels: a single one that goes with the input."""
     rows = [] if result.nonlinear is None else result.nonlinear.curves
     known = [row.tau2 / row.tau1 for row in rows if row.tau1 and row.tau2]
-    return bool(known) and float(np.median(known)) < NEARLY_ALIKE
+    return bool(known) and median(known) < NEARLY_ALIKE
 
 
 def asks_for_another_kind(result: Fit) -> bool:

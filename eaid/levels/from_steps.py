@@ -214,7 +214,9 @@ def fit_levels_first(
     if not data.points.y.any():
         return Solution(replace(steps, weight=np.zeros(len(data.u))), begin[0], solver_verdict(0.0, 0, (0.0,)))
     steps = steps.weighed(min(begin, key=lambda x: steps.normal(x)[0]))
-    ends = solve_ends([approach(steps.problem, x) for x in begin], steps.problem)
+    ends = [approach(steps.problem, x) for x in begin]
+    if len(ends) > 1:
+        ends = solve_ends(ends, steps.problem)
     end = _without_endless(steps, min(ends, key=lambda end: end.cost))
     for _ in range(WEIGHED):
         before, steps = steps, steps.weighed(end.x)

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.estimate.data import Data
 from eaid.estimate.points import LevelRecord
 from eaid.findings import Finding, finding
@@ -35,7 +35,7 @@ def fit_with_loss(
         return solved, []
     r = residuals(solved, data)
     for _ in range(200):
-        sigma = 1.4826 * float(np.median(np.abs(np.concatenate(r))))  # by the median of |r|, over all samples
+        sigma = 1.4826 * median(np.abs(np.concatenate(r)))  # by the median of |r|, over all samples
         if sigma == 0.0:
             break
         cut = K * sigma

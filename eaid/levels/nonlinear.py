@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from scipy.special import fdtri
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.estimate.coefficients import coefficients_of, map_unknowns, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
 from eaid.estimate.own_level import find_exchanged, find_levelled_off, levels_scatter
@@ -246,7 +246,7 @@ def find_flat_levels(estimate: Estimate, through: bool = False) -> list[Finding]
     u, Ts, spread = estimate.solved.steps.data.u, estimate.solved.at.theta[0], None
     curve = np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
     if (estimate.scatter.repeats > 1).any():
-        spread = float(np.sqrt(np.median(estimate.gain_scatter.expected[:, 0])))
+        spread = float(np.sqrt(median(estimate.gain_scatter.expected[:, 0])))
     return find_levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread, how="levels" * through)
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.estimate.forms import LEAST_TAU_S
 from eaid.estimate.points import Normal
 from eaid.estimate.scatter import bartlett_variance, run_residuals
@@ -40,7 +40,7 @@ class SlowPart:
 
 def slow_part(levels: Sequence[Level], steps: StepProblem, x: Array, tested: bool = True) -> SlowPart:
     """Of an estimate x of the levels' τ1(u) and τ2(u), T_s solved for; not `tested`, every τ2 is possible."""
-    record_s = float(np.median([level.time_s[-1] for level in levels]))
+    record_s = median([level.time_s[-1] for level in levels])
     found = [steps.at(x).theta[0]]
     for length in LENGTHS:
         supposed = _with_tau2(steps, x, length * record_s)

@@ -420,7 +420,7 @@ def odd_repeats(scatter: Scatter) -> list[Finding]:
         limit = float(stdtrit(degrees, 1 - ODD / 4 / sum(map(len, off_all)))) if degrees > 0 else np.inf
         groups = [([i], d) for i, d in zip(rows, off_all, strict=True)] if sweeps is None else [(rows, sweeps)]
         for at, d in groups:
-            r, scale = int(np.abs(d - np.median(d)).argmax()), float(np.sqrt(np.mean(size[at] ** 2) / len(at)))
+            r, scale = int(np.abs(d - median(d)).argmax()), float(np.sqrt(np.mean(size[at] ** 2) / len(at)))
             others = np.delete(d, r)
             off = float(d[r] - others.mean())
             left = squares - (off / scale) ** 2 * len(others) / len(d) if sweeps is None else squares

@@ -147,7 +147,7 @@ def seconds_since_start(
     """
     first = raw[0]
     gone = read_only(raw - first)
-    usual = float(np.median(np.diff(gone[:10_000]))) if len(gone) > 1 else 0.0
+    usual = median(np.diff(gone[:10_000])) if len(gone) > 1 else 0.0
     factor, findings = by_user or by_column or 1.0, list[Finding]()
     days = ((counts, per_s) for counts, per_s, low, high in CLOCKS if low <= float(first) / per_s <= high)
     counts, per_s = next(days, ("", 0.0))

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from eaid.arrays import median
 from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding, finding
 from eaid.logs.table import Table
@@ -369,7 +370,7 @@ def leaves_rest(values: NDArray[Any]) -> int | None:
     head = values[: max(FEWEST_IN_COLUMN, len(values) // 50)]
     if len(values) <= FEWEST_IN_COLUMN or not np.isfinite(values).all():
         return None
-    away = np.abs(values - np.median(head))
+    away = np.abs(values - median(head))
     beyond = max(1.5 * float(np.ptp(head)), 0.01 * float(away.max()))
     return int((away > beyond).argmax()) if 0 < 2 * beyond < away.max() else None
 

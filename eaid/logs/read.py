@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from eaid.arrays import median
 from eaid.declared import chosen, forms
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of
@@ -131,7 +132,7 @@ def together(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
             if most > 1.5 and (0 < top < 1 or (top == 1 and whole)):
                 told[i] = finding("input-in-fractions", runs[i].name, other=most)
     every = [replace(run, findings=(*run.findings, told[i])) if i in told else run for i, run in enumerate(runs)]
-    steps = [float(np.median(np.diff(run.time_s[:10_000]))) if len(run.time_s) > 1 else np.nan for run in runs]
+    steps = [median(np.diff(run.time_s[:10_000])) if len(run.time_s) > 1 else np.nan for run in runs]
     middle = sorted(steps)[len(steps) // 2] if steps else np.nan
     for i, run in enumerate(every if "time" not in options.units else ()):
         of_time = {one.code for one in run.findings if one.values.get("role", "time") == "time"}

@@ -24,6 +24,7 @@ class Drive(NamedTuple):
     idle_known: bool
     starts_idle: bool
     left: float = 0.0  # Squares that no response of these rows can take away
+    late_s: float = 0.0  # By which its input was noted late, a part of a row [s]
 
 
 def beginning(drive: Drive, rows: int) -> Drive:
@@ -46,16 +47,17 @@ def moved_rows(values: NDArray[Any], rows: int) -> NDArray[Any]:
 
 
 def delayed(drive: Drive, dead_time_s: float) -> Drive:
-    """The same with every change of the input so much later: rows of weight 0 where it then acts.
+    """The same with every change of the input where it acts, so much later than it was made: rows of weight 0 there.
 
     Until the first change acts, and before the log begins, the first row's input does.
     """
-    if dead_time_s == 0.0:
+    after_s = dead_time_s - drive.late_s
+    if after_s == 0.0:
         return drive
     t = np.concatenate([[0.0], np.cumsum(drive.dt_s[:-1])])
     changed = (np.diff(drive.which) != 0) | (np.diff(drive.rising) != 0)
     rows = np.flatnonzero(changed) + 1
-    acts = np.maximum(t[rows] + dead_time_s, 0.0)
+    acts = np.maximum(t[rows] + after_s, 0.0)
     rows, acts = rows[acts < t[-1]], acts[acts < t[-1]]
     at = np.searchsorted(t, acts, side="right")  # an output at that very instant comes first
     time = np.insert(t, at, acts)
@@ -64,7 +66,7 @@ def delayed(drive: Drive, dead_time_s: float) -> Drive:
     y, w = np.zeros(len(time)), np.zeros(len(time))
     y[sample], w[sample] = drive.y, drive.w
     dt_s = np.append(np.diff(time), drive.dt_s[-1])
-    return drive._replace(dt_s=dt_s, which=drive.which[from_row], rising=drive.rising[from_row], y=y, w=w)
+    return drive._replace(dt_s=dt_s, which=drive.which[from_row], rising=drive.rising[from_row], y=y, w=w, late_s=0.0)
 
 
 class Tables(NamedTuple):

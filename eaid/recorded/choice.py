@@ -294,7 +294,7 @@ def lay_over_all(clutch: Solved, inputs: Excited) -> Solved:
 
 def _kind_findings(best: Tried, kinds: Sequence[KindTried], logs: Sequence[RecordedLog]) -> list[Finding]:
     """What is said of a kind that takes the clutch's place."""
-    theta_s = best.solved.fitted.dead_time(best.solved.x)
+    theta_s = best.solved.fitted.dead_time_of_plant(best.solved.x)
     own = next((one for one in kinds if one.kind == "clutch"), None)
     told = [
         finding(
@@ -492,9 +492,9 @@ def _fit_clutch(
         held = refit_with_share_free(behind.solved) or (behind.solved, 0.0)
         behind = other if other.solved.cost < held[0].cost else behind
     base, findings = behind.solved, []
-    if (theta_s := base.fitted.dead_time(base.x)) and falls and not base.fitted.falls_as_left:  # which hid it
+    if (theta_s := base.fitted.dead_time_of_plant(base.x)) and falls and not base.fitted.falls_as_left:  # which hid it
         base = fit_falls_as_left(base)
-        theta_s = base.fitted.dead_time(base.x)
+        theta_s = base.fitted.dead_time_of_plant(base.x)
     for log, one in zip(logs, behind.late, strict=True):
         if one.rows > 0:
             findings += one.told(log)

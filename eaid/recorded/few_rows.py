@@ -46,14 +46,14 @@ def compress_held(log: RecordedLog, every: Drive, dead_time_s: float = 0.0) -> D
     What it costs is what the log costs, as far as the response is a polynomial on each block; the first rows of each
     hold stay as they are, and so do blocks with an output that is not known.
     """
-    known, t = every.w > 0, log.time_s
+    known, t, after_s = every.w > 0, log.time_s, dead_time_s - log.late_s
     acts = log.changes
-    if dead_time_s > 0:
-        later = np.searchsorted(t, t[acts[1:]] + dead_time_s) - EARLIER
+    if after_s != 0:
+        later = np.searchsorted(t, t[acts[1:]] + after_s) - EARLIER
         acts = np.unique(np.clip(np.append(0, later), 0, len(t) - 1))
     at, y, w = nodes_of(t, every.y, np.append(acts, len(t)), log.even_s, known)
     w = log.weight * np.where(np.isin(at, t[~known]), 0.0, w)
-    if dead_time_s > 0:  # where the input changes, a row that is not compared says so
+    if after_s != 0:  # where the input changes, a row that is not compared says so
         new = np.setdiff1d(t[log.changes], at)
         place = np.searchsorted(at, new)
         at, y, w = (np.insert(one, place, more) for one, more in ((at, new), (y, 0.0), (w, 0.0)))

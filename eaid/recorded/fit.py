@@ -434,15 +434,16 @@ def judge_logs(
         findings += log_that_differs(base, [log.name for log in logs])
     findings += [*left_over_findings(base, chosen.logs), *column_findings(base, chosen.logs)]
     rows = zip(logs, chosen.logs, chosen.late, strict=True)
+    off_s = base.fitted.dead_time(base.x) if base.fitted.between_rows else 0.0
     return Recorded(
         logs=tuple(
-            msgspec.structs.replace(log_part(base, k, log, without), late_rows=late.rows)
+            msgspec.structs.replace(log_part(base, k, log, without), late_rows=late.rows - off_s / log.usual_s)
             for k, (log, without, late) in enumerate(rows)
         ),
         steps=len(others),
         falls=chosen.falls,
         loops=loops,
-        dead_time_s=base.fitted.dead_time(base.x),
+        dead_time_s=base.fitted.dead_time_of_plant(base.x),
         hold_out=unseen,
     ), findings
 

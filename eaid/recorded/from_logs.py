@@ -161,12 +161,21 @@ class Setup:
         at, given = self.places[log].x, (self.model.share or 0.0, *itertools.chain(*NO_EXTRAS.values()), *np.zeros(5))
         return self.model.tables(self.maps[log], x), np.where(at >= 0, x[at], given)
 
+    @property
+    def between_rows(self) -> bool:
+        """Whether some input was noted late by a part of a row: θ then is what that part is off."""
+        return any(drive.late_s for drive in self.drives)
+
     def dead_time(self, x: Array) -> float:
         """θ [s]; none where it is next to no part of a row."""
         at = self.at("dead")
         if at < 0:
             return self.dead_time_s
-        return float(x[at]) if x[at] > NO_ROW * self.drives[0].dt_s[0] else 0.0
+        return float(x[at]) if abs(x[at]) > NO_ROW * self.drives[0].dt_s[0] else 0.0
+
+    def dead_time_of_plant(self, x: Array) -> float:
+        """The same as far as it is the plant's."""
+        return 0.0 if self.between_rows else self.dead_time(x)
 
     def derivatives(self, x: Array, log: int, of_unknowns: bool = True, rows: int = ROWS_AT_ONCE) -> Iterator[Array]:
         """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1), some rows at a
@@ -217,6 +226,8 @@ class Setup:
         for row, (at, _, along, _) in zip(A[len(limits.A) :], more, strict=True):
             row[at : at + len(along)] = along
         b = np.append(limits.b, [least for *_, least in more])
+        if self.between_rows and (at := self.at("dead")) >= 0:
+            b[A[:, at] != 0] -= self.shortest_s
         codes = (*limits.codes, *(code for _, code, _, _ in more))
         energy = 0.0  # weighted sum of the squared outputs about each log's mean
         for drive in self.drives:
@@ -276,7 +287,7 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
     """Feasible starts, the most promising first, and a plain one with constant τ last."""
     model = setup.model
     dt_s = np.concatenate([drive.dt_s[drive.dt_s > 0] for drive in setup.drives])
-    grid = np.geomspace(max(0.5 * float(np.median(dt_s)), 2 * TAU_FLOOR_S), setup.longest_s, TAUS_TRIED)
+    grid = np.geomspace(max(0.5 * median(dt_s), 2 * TAU_FLOOR_S), setup.longest_s, TAUS_TRIED)
     turns = [_turn(form) for form in (model.tau1, model.tau2) if form is not None]
     M, found = model.rows(model.limited), []
     some = replace(setup, drives=tuple(beginning(drive, GRID_ROWS) for drive in setup.drives))
@@ -455,7 +466,7 @@ def pick_least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:
 def plant_found(solved: Solved) -> Plant:
     """The fitted plant, with its dead time, and with what falls have of their own where that was fitted."""
     setup, x = solved.setup, solved.x
-    found: dict[str, Any] = {"dead_time_s": setup.dead_time(x)}
+    found: dict[str, Any] = {"dead_time_s": setup.dead_time_of_plant(x)}
     for name, extra in (("release", "rest"), ("falls", "fall")):
         if (at := setup.at(extra)) >= 0:
             found[name] = (float(x[at]), float(x[at + (setup.model.tau2 is not None)]))

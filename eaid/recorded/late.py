@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import solve_toeplitz
 
-from eaid.arrays import Array, median, scaled_inverse
+from eaid.arrays import Array, median, scaled_inverse, white_squares
 from eaid.estimate.recorded_log import IDLE_ROWS, RecordedLog, shift_input
 from eaid.estimate.solver import EndPoint, approach
 from eaid.estimate.spread import t_quantile
@@ -36,8 +36,13 @@ ASKED_ROWS = 0.3  # … from so much of one, and a standard error: what rings be
 FAR_ROWS = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
 LOWER = 0.02
 FARTHEST_ROWS = 500  # … and this many are looked for
-# Rows from which a delay is told, by whether the input is held; one that moves is read half a row off by itself
-LATE_ROWS = {True: 0.5, False: 0.75}
+# Rows from which a delay is told, by whether the input is held; one that moves is read half a row off by itself. An
+# input that is held and changes between two rows is noted half a row late
+LATE_ROWS, BETWEEN_ROWS = {True: 0.5, False: 0.75}, 0.25
+WHOLE_ROWS = 0.15  # So near to a whole row a delay is that
+# Changes, and standard deviation of the rows by which they are noted late, from which they lie between two: any such
+# part of a row is as likely, which makes 0.29
+FEWEST_BETWEEN, LEAST_JITTER = 8, 0.17
 ORDER = 8  # Of the autoregression
 ALONE = 1e-12  # Part of what a delay does that the unknowns leave, beneath which it is rounding
 NOISE_STRETCHES = 40
@@ -51,11 +56,11 @@ FOLLOWS = 0.1  # Correlation of the duty's changes with the residual's from whic
 class Delay(NamedTuple):
     """By how many rows the input of a log is noted late, and the 95 % interval of it; below 0 a dead time."""
 
-    rows: int = 0
+    rows: float = 0
     low: float = 0.0
     high: float = 0.0
 
-    def later(self, rows: int) -> "Delay":
+    def later(self, rows: float) -> "Delay":
         """The same by some more rows."""
         return Delay(self.rows + rows, self.low + rows, self.high + rows)
 
@@ -80,7 +85,7 @@ class Timed:
     @property
     def moved(self) -> bool:
         """Whether inputs act at other times than they were noted."""
-        return self.solved.fitted.dead_time(self.solved.x) > 0 or any(one.rows for one in self.late)
+        return self.solved.fitted.dead_time_of_plant(self.solved.x) > 0 or any(one.rows for one in self.late)
 
 
 def fit_behind_dead_time(
@@ -89,7 +94,7 @@ def fit_behind_dead_time(
     """The fit of logs, and of steps with them, behind their dead time: the one given, or what they show.
 
     `of_steps_s` is what single steps show; it is taken where the logs are fitted better with it. What the logs show is
-    an unknown of the fit, by parts of a sample.
+    an unknown of the fit, by parts of a sample, and so is the part of a row by which an input was noted late.
     """
     model, rests, as_left = base.fitted.model, base.fitted.idle_free, base.fitted.falls_as_left
     dead_s, acting = 0.0, tuple(logs)
@@ -107,15 +112,14 @@ def fit_behind_dead_time(
     # the input of a log that answers early is moved behind the dead time that all of them have
     more = [(dead_s - begun_s) / log.usual_s for log in logs]
     late = tuple(
-        Delay(round(one.rows + rows), one.low + rows, one.high + rows) if begins < 0 else ON_TIME
-        for one, rows, begins in zip(found, more, shown, strict=True)
+        one.later(rows) if begins < 0 else ON_TIME for one, rows, begins in zip(found, more, shown, strict=True)
     )
     if not any(one.rows for one in found) and not dead_s:
         return Timed(base, acting, late)
     acting = tuple(mark_rest_behind(shift_input(log, one.rows), dead_s) for log, one in zip(logs, late, strict=True))
     if any(one.rows for one in found):
         base = fit_setup(replace(setup_of(model, [*acting, *steps], rests, dead_s), falls_as_left=as_left))
-    if dead_s:
+    if dead_s or base.fitted.between_rows:
         x, setup = base.x, base.fitted
         at = setup.shared
         base = fit_near(replace(setup, extras=(*setup.extras, "dead")), np.r_[x[:at], dead_s, x[at:]])
@@ -158,12 +162,12 @@ def common_delay(base: Solved, logs: Sequence[RecordedLog]) -> Delay:
     return Delay(round(middle) if late else 0, middle - half, middle + half)
 
 
-def _move_input(log: RecordedLog, rows: int) -> RecordedLog:
+def _move_input(log: RecordedLog, rows: float) -> RecordedLog:
     """The log with its input so many rows later, and the unknowns that it has."""
     return replace(shift_input(log, rows), idle_start=log.starts_idle) if rows else log
 
 
-def cost_with_moved_inputs(base: Solved, logs: Sequence[RecordedLog], rows: Sequence[int]) -> float:
+def cost_with_moved_inputs(base: Solved, logs: Sequence[RecordedLog], rows: Sequence[float]) -> float:
     """Squares that logs leave, each by itself, with their inputs so many rows later."""
     each = zip(base.setup.places, logs, rows, strict=True)
     return sum(fit_one_log(base.fitted, base.x[at.columns], _move_input(log, more)).cost for at, log, more in each)
@@ -191,7 +195,8 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
 
 
 def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
-    """The delay of one log, whose input is moved by whole rows; none where noise has it."""
+    """The delay of one log, by whole rows but where an input is held and changes between two; none where noise has
+    it."""
     rows, x = far_delay(base.fitted, base.x[base.setup.places[index].columns], log)
     first, moved = rows, _move_input(log, rows)
     step, sd = step_to_delay(base.fitted, x, moved)
@@ -203,10 +208,32 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
         if further_step[0] * step < 0 and abs(further_step[0]) >= abs(step):
             break
         rows, (step, sd) = further, further_step
-    least = max(LATE_ROWS[log.stepwise], t_quantile(NOISE_STRETCHES - 1.0, 1 - LATE_CHANCE) * sd)
-    half = t_quantile(NOISE_STRETCHES - 1.0) * sd
-    rows = rows if abs(rows + step) >= least else 0
-    return Delay(rows, rows + step - half, rows + step + half)
+    delay, half = rows + step, t_quantile(NOISE_STRETCHES - 1.0) * sd
+    least = BETWEEN_ROWS if log.stepwise and delay > 0 else LATE_ROWS[log.stepwise]
+    if abs(delay) < max(least, t_quantile(NOISE_STRETCHES - 1.0, 1 - LATE_CHANCE) * sd):
+        return Delay(0, delay - half, delay + half)
+    between = 0 < delay < min(1 - WHOLE_ROWS, 1 - half) and changes_between_rows(base, index, log)
+    return Delay(delay if between else rows, delay - half, delay + half)
+
+
+def differ_by_a_row(setup: Setup, x: Array, drive: Drive) -> Array:
+    """D: what an input one row later makes of the residuals of one log, with its own unknowns, (N,)."""
+    after, before = (set_up_one_log(setup, later(drive, rows)).residuals(x, 0) for rows in (1, -1))
+    return np.asarray(0.5 * (after - before))
+
+
+def changes_between_rows(base: Solved, index: int, log: RecordedLog) -> bool:
+    """Whether a held input changes between two rows: each change by another part of a row late, beyond what noise
+    makes of it."""
+    if not log.stepwise or len(log.changes) <= FEWEST_BETWEEN or np.isnan(log.output).any():
+        return False
+    x = base.x[base.setup.places[index].columns]
+    D, r, starts = differ_by_a_row(base.fitted, x, log.drive), base.missed[index], log.changes[1:]
+    weight = np.add.reduceat(D * D, starts)
+    rows = -np.add.reduceat(D * r, starts) / np.maximum(weight, 1e-300)
+    off = weight * (rows - np.average(rows, weights=weight)) ** 2
+    by_noise = len(starts) * white_squares(r) / len(r)
+    return bool(off.sum() - by_noise > LEAST_JITTER**2 * weight.sum())
 
 
 def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
@@ -236,8 +263,7 @@ def fit_one_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
 def step_to_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:
     """The delay in rows by one step from x, (p,), and its standard deviation."""
     own = set_up_one_log(setup, log.drive)
-    after, before = (set_up_one_log(setup, later(own.drives[0], rows)).residuals(x, 0) for rows in (1, -1))
-    D, foreseen, at = 0.5 * (after - before), autoregression(own.residuals(x, 0)), 0
+    D, foreseen, at = differ_by_a_row(setup, x, log.drive), autoregression(own.residuals(x, 0)), 0
     last, found = np.zeros((0, own.size + 2)), []
     for piece in own.derivatives(x, 0, rows=-(-len(log.input) // NOISE_STRETCHES)):
         columns = np.column_stack([piece[:, :-1], D[at : at + len(piece)], piece[:, -1]])

@@ -39,7 +39,7 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
     """Said where what a model leaves follows the input; nothing of loops, whose input follows what is left."""
     if any(log.reference is not None for log in logs):
         return []
-    plant, theta_s = plant_found(solved), solved.fitted.dead_time(solved.x)
+    plant, theta_s = plant_found(solved), solved.fitted.dead_time_of_plant(solved.x)
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
     size, parts, sums = 0.0, [], np.zeros((2 * FUNCTIONS + 1, 2 * FUNCTIONS + 1))
     for log, r in zip(logs, solved.missed, strict=False):

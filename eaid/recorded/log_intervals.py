@@ -27,6 +27,7 @@ from eaid.estimate.spread import Influence, free_inverse, t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
 from eaid.recorded.from_logs import Setup, Solved, idle_found
+from eaid.recorded.late import differ_by_a_row
 from eaid.steps.stepset import Level
 
 BINS = 16_384  # Derivatives and residuals are first added up over so many short bins of a log, at most
@@ -373,7 +374,23 @@ def spread(solved: Solved) -> Spread:
     noise = pull @ sum((one.total for one in lines), np.zeros((n, n))) @ pull.T
     S = S @ pull.T
     between = S.T @ S * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
+    if setup.between_rows:
+        between += pull @ by_changes(solved) @ pull.T
     return Spread(noise, tuple(lines), between, scatter, pull)
+
+
+def by_changes(solved: Solved) -> Array:
+    """Variance of Σ Z r by inputs that change at any instant between two rows: Σ s s'/12, s = Σ Z D of a change, D what
+    one row later makes of the residuals."""
+    setup, total = solved.setup, np.zeros((solved.setup.size, solved.setup.size))
+    for log, drive in enumerate(setup.drives):
+        columns, (J, _) = setup.places[log].columns, setup.jacobian(solved.x, log)
+        counted = np.cumsum(drive.w > 0)
+        starts = np.unique(counted[np.flatnonzero(np.diff(drive.which) != 0)])
+        D = differ_by_a_row(setup, solved.x[columns], drive)
+        s = np.add.reduceat(J * D[:, None], starts[starts < len(D)])
+        total[np.ix_(columns, columns)] += s.T @ s / 12
+    return total
 
 
 def spread_by_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Spread:

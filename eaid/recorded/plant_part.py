@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.estimate.own_level import (
     AT_REST,
     SURE,
@@ -88,7 +88,7 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
     if line.v[0] <= SURE**2:
         return None
     own, half, _ = pull_to_line(line, size, degrees, gains)
-    curve, error = np.log(size), float(np.sqrt(np.median(np.diag(covariance))))
+    curve, error = np.log(size), float(np.sqrt(median(np.diag(covariance))))
     flat = find_levelled_off(u, np.log(Ts), curve, error, "levels" if levels else "duty")
     by_curve = bool(flat) or not levels
     told = [*flat, *levels_scatter(line, u, own, curve, by_curve)]
@@ -127,7 +127,7 @@ def _by_logs(found: Solved, u: Array) -> ByThemselves | None:
     covariance = of.covariance[: len(u), : len(u)]
     size = np.sqrt(np.diag(covariance))
     held = size <= NOTHING * size.max()  # at 0 by its constraint: no surer than the others
-    covariance = covariance + np.diag(np.where(held, np.median(size[~held]) ** 2, 0.0))
+    covariance = covariance + np.diag(np.where(held, median(size[~held]) ** 2, 0.0))
     return Ts, covariance / np.outer(Ts, Ts), degrees, None
 
 
@@ -206,7 +206,7 @@ def plant_part(
         known = msgspec.structs.replace(known, Ts_levels=tuple(Ts))
     if uncertainty is None:
         return msgspec.structs.replace(known, tried=tried)
-    late = solved.setup.at("dead") >= 0 and solved.setup.dead_time(solved.x) > 0
+    late = solved.setup.at("dead") >= 0 and solved.setup.dead_time_of_plant(solved.x) > 0
     constant, rows = ["dead_time_s"] * late, list[tuple[str, float]]()
     if model.kind != "parallel":
         constant = [name for name in known.numbers if name != "dead_time_s" or constant]
@@ -214,7 +214,7 @@ def plant_part(
         rows += [(name, u) for name in constant if known.paced and name in LAGS for u in inputs.shown.tolist()]
 
     def numbers(x: Array) -> Array:
-        one = replace(model.parameters(x[: model.size]), dead_time_s=solved.setup.dead_time(x))
+        one = replace(model.parameters(x[: model.size]), dead_time_s=solved.setup.dead_time_of_plant(x))
         return np.array([*(number(one, name, top) for name in constant), *(number(one, *row) for row in rows)])
 
     ends, levels = iter(intervals(numbers, solved.x, uncertainty)), dict[str, list[tuple[float, float, float]]]()

@@ -85,9 +85,9 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
         start = own.start
     else:
         start = start_of(plant, time_s, duty, torque) if loaded else (0.0, 0.0)
-    changes_s, inputs = time_s, duty
+    changes_s, inputs = time_s - level.late_s, duty
     if own is not None and start == (0.0, 0.0) and duty[0] != 0:  # switched on at its first row, from rest
-        changes_s, inputs = np.append(time_s[0] - time_s[1], time_s), np.append(0.0, duty)
+        changes_s, inputs = np.append(changes_s[0] - time_s[1], changes_s), np.append(0.0, duty)
     model = read_only(respond(plant, changes_s, inputs, time_s, start, stepwise))
     from_s = own.counted_from_s if own is not None else 0.0
     counted = (time_s >= from_s - 1e-9 * time_s[-1]) & np.isfinite(level.output)

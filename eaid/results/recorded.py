@@ -45,8 +45,8 @@ class LogFit(Result, frozen=True):
     """Part by which its gain grew from its start to its end; the fit is of the gain amid it."""
     counted_from_s: Number = 0.0
     """Time since the first row from which the output is compared: before, an input from before the log acts."""
-    late_rows: Count = 0
-    """Rows by which the input was noted late; it was fitted as it acted."""
+    late_rows: Number = 0.0
+    """Rows by which the input was noted late, a part of one where it changed between two; it was fitted as it acted."""
     rmse: Number | None = None
     fit_pct: Number | None = None
     """Free run: 100 (1 − ‖y − ŷ‖/‖y − mean y‖), the model driven by the input alone."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.errors import in_python
 from eaid.findings import Finding, enumerated, finding, merged, ranked, say, stops
 from eaid.plant import linear
@@ -119,7 +119,7 @@ def failures(fit: "Fit") -> list[Finding]:
         found.append(finding("no-step-has-a-shape", "steps"))
     played = [one.fit_pct for one in fit.data.replayed if one.fit_pct is not None]
     missed = {u for one in fit.findings if one.code == "curve-misses-levels" for u in one.levels}
-    if (missed and missed >= set(fit.data.levels)) or (played and float(np.median(played)) < 0):
+    if (missed and missed >= set(fit.data.levels)) or (played and median(played) < 0):
         found.append(finding("model-explains-little", "nonlinear"))
     return [*found, *_nonlinear(fit), *_linear(fit)]
 

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from scipy.special import stdtrit
 
 from eaid.apparatus import Apparatus
+from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.names import factors_of
@@ -99,7 +100,7 @@ def snapped(values: Sequence[Value]) -> list[Value]:
     """Levels that are nearly alike made the same."""
     levels = np.unique([one.level for one in values])
     group = np.cumsum(np.append(0, np.diff(np.log(levels)) > LEVELS_SAME)) if len(levels) else levels
-    same = {float(u): float(np.median(levels[group == g])) for u, g in zip(levels, group, strict=True)}
+    same = {float(u): median(levels[group == g]) for u, g in zip(levels, group, strict=True)}
     return [one if same[one.level] == one.level else replace(one, level=same[one.level]) for one in values]
 
 
@@ -145,7 +146,7 @@ def _times(first: Fit, fit: Fit) -> float:
     """By what factor T_s of a fit lies above that of another at the levels that both hold; 1 where there are none."""
     at, known = ([(row.level, row.Ts) for row in one.level_values if row.Ts and row.level > 0] for one in (first, fit))
     rows = [b / a for u, a in at for v, b in known if abs(np.log(v / u)) < LEVELS_SAME]
-    return float(np.median(rows)) if rows else 1.0
+    return median(rows) if rows else 1.0
 
 
 def _conditions(fit: Fit) -> dict[str, str | None]:

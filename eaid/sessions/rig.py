@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 from scipy.special import stdtrit
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding, ranked, sentences
 from eaid.findings.row import SYMBOLS
@@ -264,7 +264,7 @@ def quantity_of(
     if options.terms is None and len(levels) > 1 and all(one == set(levels) for one in each if one):
         terms = 0
     middle = float(levels[len(levels) // 2])
-    sd = float(np.median([one.sd_log for one in values])) if sd_step is None else sd_step
+    sd = median([one.sd_log for one in values]) if sd_step is None else sd_step
     model = Model(_known(values, names), options.reference_level or middle, terms, np.zeros(3)).likeliest()[0]
     if options.reference_level is None and model.count >= MANY_SESSIONS:
         model = model.placed()

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec.structs import replace
 from scipy.linalg import block_diag
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.declared import chosen, part
 from eaid.errors import DataError
 from eaid.estimate.coefficients import CURVES_ORDER, with_intervals
@@ -216,7 +216,7 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
     plain = parts.Nonlinear(**own_curves, **kept, u_range=u_range, Ts_through=through)
     by_level = [(row.level, *_at(foreseen, CURVES_ORDER, k)) for k, row in enumerate(rows)]
     shown = [parts.CurveLevel(u, **values, ci95=LevelIntervals(**ends)) for u, values, ends in by_level]
-    degrees = {name: float(np.median(foreseen[name].dof)) if name in foreseen else MANY for name in CURVES_ORDER}
+    degrees = {name: median(foreseen[name].dof) if name in foreseen else MANY for name in CURVES_ORDER}
     return replace(base, nonlinear=with_intervals(plain, shown, block_diag(*blocks.values()), degrees))
 
 

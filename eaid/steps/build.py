@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from eaid.apparatus import rig_of
+from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
 from eaid.logs.run import Run
@@ -35,7 +36,7 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
         if not clear:
             continue
         sizes = np.array([change for _, change in clear])
-        usual = float(np.median(np.abs(sizes)))
+        usual = median(np.abs(sizes))
         # a vote a run: one run in another unit does not outweigh all others; a tie goes to the larger changes
         votes = np.sign(sizes[np.abs(sizes) > SMALL_STEP * usual]).sum() or sizes.sum()
         sign = -1.0 if votes < 0 else 1.0
@@ -124,7 +125,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
     if stairs := sum(run.from_level != 0 for run in runs):
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
-    usual = float(np.median([np.abs(level.mean).max() for level in levels])) if levels else 0.0
+    usual = median([np.abs(level.mean).max() for level in levels]) if levels else 0.0
     findings += sittings(records, usual, input_unit, typed(options.stated()))
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
     return StepSet(

@@ -23,6 +23,7 @@ from eaid.steps.noise import (
     block_noise,
     glitch,
     line,
+    medians_of_five,
     resolution,
     sample_noise,
     spikes,
@@ -368,9 +369,7 @@ def several_edges(
     """
     if len(output) < 4 * FEWEST_HELD:
         return None
-    from scipy.ndimage import median_filter  # only where steps are looked at: reading a dataset needs none of it
-
-    output = median_filter(output, 5, mode="nearest")
+    output = medians_of_five(output)
     # the end of a window given by hand may hold the first samples of the release
     until = len(output) - len(output) // 50
     times, means = (block_means(values[:until], TURN_BLOCKS) for values in (time_s, output))
@@ -446,7 +445,7 @@ def renewed(step: Step) -> Finding | None:
     apart = np.diff(np.flatnonzero(np.diff(step.run.output)))
     if len(apart) < FEW_SAMPLES_CHECKED:
         return None
-    rows = int(np.median(apart))
+    rows = int(median(apart))
     if rows < 3 or np.mean(apart == rows) < RENEWED_SHARE:
         return None
     return finding("output-renewed", step.run.name, rows=rows, every_s=rows * usual_step(step.run.time_s))

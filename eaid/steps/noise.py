@@ -107,10 +107,21 @@ def spikes(values: Array, least: float) -> NDArray[np.intp]:
     return found if len(found) <= MOST_SPIKES * len(values) else found[:0]
 
 
+def medians_of_five(values: Array) -> Array:
+    """Medians of each sample with two neighbours on both sides, those at the ends repeated, shape (n,)."""
+    wide, n, least, most = np.pad(values, 2, mode="edge"), len(values), np.minimum, np.maximum
+    a, b, c, d, e = (wide[k : k + n] for k in range(5))
+    low, high = most(least(a, b), least(c, d)), least(most(a, b), most(c, d))
+    return np.asarray(most(least(low, high), least(e, most(low, high))))
+
+
 def glitch(values: Array) -> NDArray[np.intp]:
     """One row or two, one behind the other, beyond all others by a fifth, and back by half of those in one row."""
     sizes, drop = np.abs(values), 8 * sample_noise(values)
-    far = np.argsort(-sizes, kind="stable")[:3]
+    far, left = list[int](), sizes.copy()
+    for _ in range(min(3, len(sizes))):
+        far.append(int(left.argmax()))
+        left[far[-1]] = -1.0
     for rows in (1, 2) if len(far) == 3 else ():
         at, rest = np.sort(far[:rows]), float(sizes[far[rows]])
         together = at[-1] - at[0] == rows - 1 and at[-1] + 1 < len(values)
@@ -125,7 +136,7 @@ def idle_density(time_s: Array, idle: Array) -> float | None:
         return None
     place, block = np.unique(np.floor((time_s - time_s[0]) / IDLE_BLOCK_S), return_inverse=True)
     count = np.bincount(block)
-    full = count >= 0.5 * np.median(count)
+    full = count >= 0.5 * median(count)
     means = (np.bincount(block, idle) / count)[full]
     if len(means) < IDLE_BLOCKS:
         return None

@@ -166,14 +166,14 @@ def fitted_as(run: Run, rest: float = 0.0) -> Literal["steps", "sweep", "recorde
     starts, ends = stretches(loaded)
     apart = (MEASURED if is_measured(run) else COMMANDED) * top
     held = [level[a:b] for a, b in zip(starts, ends, strict=True)]
-    if sum(int((np.abs(one - np.median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
+    if sum(int((np.abs(one - median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
         return "steps" if len(holds) == 2 and still else "recorded"  # two holds are a step
     lasts, rests = ends - starts, starts[1:] - ends[:-1]
     if len(starts) < 2 or (len(starts) <= RETURNS and not begins_on_tails(run.output, starts, ends)):
         return "steps"
-    if np.median(lasts) < 5 or not (np.median(rests) < np.median(lasts) or 3 * rests.min() < lasts.max()):
+    if median(lasts) < 5 or not (median(rests) < median(lasts) or 3 * rests.min() < lasts.max()):
         return "steps"
-    return "sweep" if is_sweep(run.output, [float(np.median(one)) for one in held], starts, ends) else "recorded"
+    return "sweep" if is_sweep(run.output, [median(one) for one in held], starts, ends) else "recorded"
 
 
 def is_sweep(output: Array, levels: Sequence[float], starts: NDArray[np.intp], ends: NDArray[np.intp]) -> bool:

