@@ -19,6 +19,7 @@ from eaid.files import LOGS, is_as_written, sha256_of
 from eaid.findings import Finding, finding
 from eaid.logs.folders import files_of
 from eaid.logs.formats import ForeignReader, format_of, unread
+from eaid.logs.long import runs_in
 from eaid.logs.run import Run, numbered
 from eaid.logs.table import Cells, Table, seconds
 from eaid.logs.text import read_text
@@ -32,7 +33,7 @@ PLAIN = ReadOptions()
 OF_COLUMNS = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz")
 UNIT_STEPS = (60.0, 3600.0, 86_400.0, 1e3, 1e6, 1e9)  # Factors between units of time
 SECONDS_ASSUMED = {"unit-assumed", "time-unclear", "time-doubtful", "whole-seconds"}
-RUN = "run"  # Column of a DataFrame with several runs that tells them apart
+RUN = "run"  # What a column is that tells several runs apart, and what one of a DataFrame is called
 
 
 def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:
@@ -110,7 +111,7 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
     for ending in (*LOGS, ".txt", ".h5", ".hdf5", ".xlsx"):
         name = name[: -len(ending)] if name.lower().endswith(ending) else name
     if not form.reader:
-        return [run_of(name or path.name, source, sha256, read_text(path, source), options, path.name)], []
+        return _runs_of(name or path.name, source, sha256, read_text(path, source), options, path.name)
     with foreign.alone:
         from eaid.logs.dataset import read_dataset  # HDF5 takes long to load, and text needs none
 
@@ -118,7 +119,30 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
         tables = [] if sealed else foreign.tables(form, path, source)
         if not tables:
             return read_dataset(path, source, sha256, options.repair)
-        return [run_of(name or path.name, source, sha256, tables, options, path.name)], []
+        return _runs_of(name or path.name, source, sha256, tables, options, path.name)
+
+
+def _runs_of(
+    name: str, source: str, sha256: str, tables: Sequence[Table], options: ReadOptions, file: str
+) -> tuple[list[Run], list[str]]:
+    """The run of a file's tables, or the runs of a long one and what is wrong with the others."""
+    try:
+        return [run_of(name, source, sha256, tables, options, file)], []
+    except DataError:
+        if not (parts := runs_in(source, tables, options)):
+            raise
+    runs, faults = list[Run](), list[str]()
+    for column, value, table in parts:
+        label = f"{name}-{column}{value:g}"
+        digest = hashlib.sha256(f"{sha256} {label}".encode()).hexdigest()
+        try:
+            run = run_of(label, source, digest, [table], options, file)
+        except DataError as fault:
+            faults.extend(fault.sentences)
+            continue
+        left = tuple(one for one in run.left if one != column)
+        runs.append(replace(run, taken=(*run.taken, (RUN, column)), left=left))
+    return runs, faults
 
 
 def together(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
@@ -160,7 +184,10 @@ def columns_told(runs: Sequence[Run]) -> list[str]:
     for run in runs:
         if run.taken:
             units = {"time": "s", "input": run.input_unit, "output": run.output_unit, "position": run.position_unit}
-            taken = [f"{role} = {_with_unit(name, units.get(role) or '?')}" for role, name in run.taken]
+            taken = [
+                f"{role} = {name if role == RUN else _with_unit(name, units.get(role) or '?')}"
+                for role, name in run.taken
+            ]
             alike[", ".join(taken), ", ".join(run.left) or "none"] += 1
     return [f"columns of {counted(n, 'log')}: {taken}; left: {left}" for (taken, left), n in alike.items()]
 

@@ -56,7 +56,9 @@ def checked(
     few = dropped <= 0.01 * count
     drop = ", or drop such rows with «repair»" if few else ""
     of_time = (
-        "split the log where its clock was set back, or its next run begins" if set_back else f"sort the rows{drop}"
+        "split the log where its clock was set back; or number its runs in a further column, if the next begins there"
+        if set_back
+        else f"sort the rows{drop}"
     )
     faults = _listed(source, [one for sample in sorted(cells) for one in cells[sample]], f"mend the cell{drop}")
     faults += _listed(source, falls, of_time)

@@ -164,11 +164,11 @@ BAD: dict[str, tuple[Any, ...]] = {
                        "row 3 on: its stamps have too few digits, or rows were written twice; save each row once, with "
                        "all digits, or give the sample rate with --rate-hz"),
     "set-back.csv": (column(0, lambda i, t: t - 0.5 * (i > 99)), "time falls at row 102 (0.5 s after 0.99 s); split "
-                                                                 "the log where its clock was set back, or its "
-                                                                 "next run begins"),
+                                                                 "the log where its clock was set back; or number its "
+                                                                 "runs in a further column, if the next begins there"),
     "set-back-in-ms.csv": (column(0, lambda i, t: 1e3 * (t - 0.5 * (i > 99)), "time_ms,duty_pct,torque_nm"), "time "
-                           "falls at row 102 (0.5 s after 0.99 s); split the log where its clock was set back, or "
-                           "its next run begins"),
+                           "falls at row 102 (0.5 s after 0.99 s); split the log where its clock was set back; or "
+                           "number its runs in a further column, if the next begins there"),
     "unknown-unit.csv": (csv(GOOD, "time (m),duty_pct,torque_nm"), "column time (m) is in m, which is no unit of time "
                          "that eaid knows; say it with --units time=UNIT (s, ms, us, ns, min, h or d)"),
     "since-1970.csv": (column(0, lambda i, t: f"{1.7e12 + 1e3 * t:.0f}"), "column time_s says its unit, but its first "

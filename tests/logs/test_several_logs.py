@@ -444,3 +444,25 @@ def test_an_instant_that_is_proposed_is_written_in_full():
     log = frame("time_s|torque_nm", t, ((t >= 5) & (t < 30)) + 1e-3 * np.sin(1e3 * t))
     with pytest.raises(DataError, match="the output falls at 30 s and stays low"):
         eaid.fit(log)
+
+
+def test_runs_of_a_long_table_are_those_of_files_of_their_own(tmp_path):
+    """Told apart by the column that changes where the time falls; not by one that changes elsewhere, too."""
+    each = [np.round(size * Y[::10], 6) for size in (1.0, 1.02, 0.97)]
+    names = "time_s,duty_pct,torque_nm"
+    for k, y in enumerate(each):
+        (tmp_path / f"{k}.csv").write_text(text(names, T[::10], U[::10], y))
+    t, u, y, n = np.tile(T[::10], 3), np.tile(U[::10], 3), np.concatenate(each), len(T[::10])
+    of_runs, hall_c = np.repeat([7.0, 8.0, 9.0], n), np.round(20 + 0.001 * np.arange(3 * n), 2)
+    path = tmp_path / "long.csv"
+    path.write_text(text(f"{names},temperature,run", t, u, y, hall_c, of_runs))
+    long, apart = eaid.read([path]), eaid.read([tmp_path / f"{k}.csv" for k in range(3)])
+    assert [run.name for run in long.runs if run.edge == "rising"] == ["long-run7", "long-run8", "long-run9"]
+    assert [one.mean.tolist() for one in long.levels] == [one.mean.tolist() for one in apart.levels]
+    assert len({run.sha256 for run in long.runs}) == 3
+    path.write_text(text(f"{names},temperature,run", t, u, np.where(t == 3, np.nan, y), hall_c, of_runs))
+    with pytest.raises(DataError, match=f"row {2 + 30}, column torque_nm.*row {2 + n + 30}, column torque_nm"):
+        eaid.read([path])
+    path.write_text(text(f"{names},temperature", t, u, y, hall_c))
+    with pytest.raises(DataError, match="time falls at row 102 .* number its runs in a further column"):
+        eaid.read([path])
