@@ -86,7 +86,7 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
         by_curves = find_by_cost(levels, law)
         if by_curves is not None:
             return by_curves
-    better = sum(explains_as_well(step, theta_s, options) for step in steps) if theta_s else 0
+    better = sum(explains_as_well(step, theta_s, replace(options, shape=law.shape)) for step in steps) if theta_s else 0
     return found if not steps or 2 * better > len(steps) else Begin()
 
 
@@ -276,8 +276,8 @@ def starts_late(step: LevelStep, share: float) -> bool:
 
 
 def explains_as_well(step: LevelStep, theta_s: float, options: FitOptions) -> bool:
-    """Whether two exponentials from a dead time on leave no more of a step, in the mean, than from its own start."""
-    plain, kept = replace(options, shape="two", dead_time=0.0), step.time_s >= theta_s
+    """Whether a shape from a dead time on leaves no more of a step, in the mean, than from its own start."""
+    plain, kept = replace(options, dead_time=0.0), step.time_s >= theta_s
     later = replace(step, time_s=step.time_s[kept] - theta_s, output=step.output[kept])
     return fit_step(later, plain).rmse <= fit_step(step, plain).rmse
 
