@@ -50,6 +50,7 @@ from eaid.recorded.from_logs import (
 )
 from eaid.recorded.inputs import FEW_LEVELS, MANY_LEVELS, NEXT_TO_REST, Excited
 from eaid.recorded.kinds import (
+    LAG_KINDS,
     PRICE,
     LagKind,
     Search,
@@ -248,6 +249,7 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     told = _kind_findings(best, kinds, logs)
     told += [more for one, log in zip(searched.late, searched.noted, strict=True) for more in one.told(log)]
     of_clutch = None if clutch is None else clutch.clutch
+    logs = logs if clutch is None or best.kind in LAG_KINDS else clutch.logs
     return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], searched.late, of_clutch, searched)
 
 
@@ -402,6 +404,10 @@ def _find_delays(
     time."""
     if options.held_dead_time_s is not None:
         return late
+    # a rival was fitted to the logs before their starts were judged
+    acting = [
+        replace(log, idle_start=drive.starts_idle) for log, drive in zip(acting, solved.fitted.drives, strict=False)
+    ]
     if (theta_s := solved.fitted.dead_time(solved.x)) > 0:
         back = [int(theta_s / log.usual_s + WHOLE_ROW) for log in acting]
         moved = [one.later(-by) for one, by in zip(late, back, strict=True)]
