@@ -37,6 +37,7 @@ HEAD_BYTES = 1 << 15
 PIECE = 1 << 22  # Characters that are read at once
 # A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)
 MOST_RATIO = 200
+LONGEST_UNIT = 6  # Letters of a unit that eaid does not know: °C, mV/V, counts
 MOST_BAD = 10_000  # Bad cells that are listed; a log with more is refused whatever they are
 
 
@@ -319,8 +320,10 @@ def _header(above: list[str], marks: Marks, count: int, ragged: bool) -> tuple[t
 
 
 def _is_units_row(cells: list[str]) -> bool:
-    filled = [cell for cell in cells if cell]
-    return bool(filled) and all(unit_of(cell).quantity or cell[0] in "[(" for cell in filled)
+    """Whether most cells are units that eaid knows, or stand in brackets, and the others are as short as units are."""
+    known = [bool(unit_of(cell).quantity) or cell[0] in "[(" for cell in cells if cell]
+    short = all(len(cell) <= LONGEST_UNIT for cell in cells if not unit_of(cell).quantity)
+    return 2 * sum(known) > len(known) and (short or all(known))
 
 
 def read_text(path: Path, source: str) -> list[Table]:

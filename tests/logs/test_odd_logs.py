@@ -87,6 +87,8 @@ LOGS = {
     "two header rows": Log("Bench A,,Bench B,\n" + text("time [s],duty [%],torque [Nm],temp [degC]", T, U, Y, T)),
     "a row of units": Log(text("time,duty,torque\n s , % , N*m ", T, U, Y)),
     "units in brackets": Log(text("time,duty,torque\n[ms],-,(mNm)", 1e3 * T, U, 1e3 * Y)),
+    "a row of units, one of them unknown": Log(text("time,temp,duty,torque,deflection\ns,°C,%,Nm,mV/V", T, T + 20, U, Y,
+                                                    Y)),
     "a row of units with a gap": Log(text("time_s,duty,torque\n,%,Nm", T, U, Y)),
     "units in names": Log(text("Time [s],Duty cycle (%),Torque {N·m}", T, U, Y)),
     "names called like units": Log(text("s,V,Nm", T, U, Y), {"columns": {"output": "3"}}, "utf-8", "V ?",
