@@ -48,7 +48,10 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
             inside, others = _sorted_out(path)
             if not inside:
                 besides = f" (left out: {listed(others, 5)})" if others else ""
-                faults.append(f"{path}: holds no logs{besides}; give the folder that does")
+                deeper = [one.name for one in sorted(path.iterdir()) if one.is_dir() and _sorted_out(one)[0]]
+                remedy = f"give those within: {path}/*" if deeper else "give the folder that does"
+                holds = f" by itself, but {listed(deeper, 5)} do" if deeper else ""
+                faults.append(f"{path}: holds no logs{holds}{besides}; {remedy}")
             elif others:
                 tell(f"{path}: left out as no logs: {listed(others, 5)}; a file given by name is always read")
             files.extend(inside)

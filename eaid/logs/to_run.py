@@ -4,6 +4,7 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -54,6 +55,9 @@ def run_of(
     table, roles = chosen_table(source, tables, options)
     clock, units = _clock(source, table, roles, options), options.units
     level, repeat = level_and_repeat(source, options.name_pattern, file or name)
+    if level is None and options.name_pattern is not None:  # which the name of its folder may tell
+        folder = Path(source).resolve().parent.name
+        level, repeat = level_and_repeat(source, options.name_pattern, f"{folder}-{file or name}")
     kind, which = the_input(source, roles, lambda one: _loaded(source, table, [one])[1][one])
     if which is None and options.name_pattern is not None and level is None:
         raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")

@@ -466,3 +466,17 @@ def test_runs_of_a_long_table_are_those_of_files_of_their_own(tmp_path):
     path.write_text(text(f"{names},temperature", t, u, y, hall_c))
     with pytest.raises(DataError, match="time falls at row 102 .* number its runs in a further column"):
         eaid.read([path])
+
+
+def test_levels_may_be_told_by_the_folders_of_the_logs(tmp_path, run_eaid):
+    for level in (20, 60):
+        (tmp_path / f"{level}pct").mkdir()
+        for k in range(2):
+            y = np.round((1 + 0.01 * k) * level / 60 * Y[::10], 6)
+            (tmp_path / f"{level}pct" / f"run{k}.csv").write_text(text("time_s,torque_nm", T[::10], y))
+    ran = run_eaid("ingest", tmp_path, "-o", tmp_path / "d.h5")
+    assert ran.code == 3 and f"by itself, but 20pct, 60pct do; give those within: {tmp_path}/*" in ran.err
+    ran = run_eaid("ingest", tmp_path / "20pct", tmp_path / "60pct", "-o", tmp_path / "d.h5")
+    proposed = shlex.split(ran.err[ran.err.index("try: eaid ") :].splitlines()[0].removeprefix("try: eaid "))
+    assert ran.code == 3 and "{level}pct-" in proposed and run_eaid(*proposed).code == 0
+    assert [level.level for level in eaid.read([tmp_path / "d.h5"]).levels] == [20.0, 60.0]

@@ -280,7 +280,7 @@ def test_a_loop_that_begins_at_rest_is_fitted_without_its_reference(seed):
 
 @pytest.mark.slow
 def test_a_setpoint_that_is_taken_for_the_output_crashes_nothing():
-    """Rows were left out for kinds with a dead time, and the clutch's overshoot, fitted to all, was taken in the end."""
+    """Rows were left out for kinds with a dead time, and the clutch's overshoot, fitted to all, was taken."""
     t, wanted, u, _ = loop_on_random_setpoints(7)
     noisy = wanted + 0.001 * np.random.default_rng(1).standard_normal(len(t))
     fit = fit_recorded([RecordedLog("log", t, u, noisy)], FitOptions(model=("nonlinear",)))
