@@ -164,21 +164,32 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     taken |= {output}
     quantity = [unit_of(split_name(name)[1]).quantity for name in names]
     alike = [i for i in references if i not in taken and quantity[i] and quantity[i] == quantity[output]]
-    if reference is None and len(alike) == 1:  # a reference in the output's own unit: no input
-        reference = alike[0]
-    taken |= set(alike)
     if "input" in named:
         of_input = kind_of(names[named["input"]], options.units.get("input", ""))
         unit = options.units.get("output", "") or split_name(names[output])[1]
         kind = options.kind or (of_input if slips(names[output], unit) else "clutch")
         inputs = [(kind, named["input"])]
-    else:  # at most one a kind
-        inputs = []
-        for kind, groups in INPUT_GROUPS.items():
-            which = next((hit for group in groups if (hit := _measuring(table, group, taken))), [])
-            if options.kind in (None, kind) and (column := _only(path, "input", which, names)) is not None:
-                inputs.append((kind, column))
+    else:
+        inputs = _inputs(path, table, taken | set(alike), options.kind)
+        driven = not {"reference", "position"} & named.keys() and quantity[output] in ("duty", "voltage", "current")
+        if not inputs and driven:  # a sensor's volts beside those of a command
+            inputs = _inputs(path, table, taken, options.kind)
+            alike = [i for i in alike if i not in {column for _, column in inputs}]
+    if reference is None and len(alike) == 1:  # a reference in the output's own unit: no input
+        reference = alike[0]
     return Roles(time, tuple(inputs), output, reference, named.get("position"))
+
+
+def _inputs(
+    path: str, table: Table, taken: set[int], wanted: ExperimentKind | None
+) -> list[tuple[ExperimentKind, int]]:
+    """What may be the input of each kind of experiment, or of the one that is wanted; at most one a kind."""
+    inputs: list[tuple[ExperimentKind, int]] = []
+    for kind, groups in INPUT_GROUPS.items():
+        which = next((hit for group in groups if (hit := _measuring(table, group, taken))), [])
+        if wanted in (None, kind) and (column := _only(path, "input", which, table.columns)) is not None:
+            inputs.append((kind, column))
+    return inputs
 
 
 def _measuring(table: Table, group: Group, taken: set[int]) -> list[int]:

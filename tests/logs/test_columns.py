@@ -50,6 +50,8 @@ PLAIN = {"time": "time", "input": "duty", "output": "torque"}
         ("time|setpoint [Nm]|+duty|torque_nm", {}, {"output": "torque_nm", "reference": "setpoint [Nm]"}),
         ("time|setpoint [V]|+duty|torque_nm", {}, {"output": "torque_nm", "left": "setpoint [V]"}),
         ("time|+command [Nm]|torque_nm", {}, {"input": None, "output": "torque_nm", "reference": "command [Nm]"}),
+        ("time|+command [V]|load cell [V]", {}, {"input": "command [V]", "output": "load cell [V]"}),
+        ("time|command [V]|+duty|load cell [V]", {}, {"output": "load cell [V]", "reference": "command [V]"}),
         ("time|+command [Nm]|torque_nm", {"input": "command"}, {"input": "command [Nm]", "output": "torque_nm"}),
         ("time|+command [Nm]|duty|torque_nm", {"input": "command"},
          {"input": "command [Nm]", "output": "torque_nm", "left": "duty"}),
