@@ -61,7 +61,8 @@ MOTION = {"position", "pos", "encoder", "enc", "angle", "displacement", "distanc
 SWITCHES = {"relay", "trigger", "trig", "gate", "enable", "enabled", "switch", "valve", "cmd", "command", "drive",
             "on", "supply", "hv"}  # fmt: skip
 FEWEST_IN_COLUMN = 20  # Samples below which a column is too short to step
-_REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded"}
+_REFERENCE = {"reference", "ref", "desired", "des", "target", "setpoint", "command", "cmd", "commanded", "sp", "soll",
+              "sollwert", "sollmoment", "sollkraft", "consigne", "consigna"}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ from eaid.recorded.from_logs import (
     setup_of,
     start_states,
 )
-from eaid.recorded.inputs import FEW_LEVELS, MANY_LEVELS, NEXT_TO_REST, Excited
+from eaid.recorded.inputs import FEW_LEVELS, FOLLOWS_SURELY, MANY_LEVELS, NEXT_TO_REST, Excited, follows
 from eaid.recorded.kinds import (
     LAG_KINDS,
     PRICE,
@@ -223,8 +223,11 @@ def _choose_plant(
 def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     """The plant of the kind that evidence chooses, or of the best row of the one that is `wanted`."""
     rows, logs, clutch, inputs = list(searched.rows), searched.search.logs, searched.clutch, searched.inputs
+    if all(follows(log) > FOLLOWS_SURELY for log in logs):  # of one tone, a long dead time makes a gain below 0
+        rows = [one for one in rows if not falls_with_input(one, inputs)] or rows
     if wanted:
         rows = sorted(rows, key=lambda one: one.kind.name != wanted)
+    if rows[0] is not searched.rows[0]:
         rows[0] = refit_on_all(searched.search, rows[0], last=True)
     best, total, of_loops = rows[0], sum(squares_about_mean(log) for log in logs), searched.of_loops
     explains = best.cost <= (1 - LITTLE_PCT / 100) ** 2 * total  # noise alone wanders, too
@@ -232,8 +235,12 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
         raise DataError(*(integrator_message(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
     signed = searched.search.signed
-    falls = bool((plant_found(best.solved).curve(inputs.shown) < 0).all()) and not (signed or of_loops)
-    if falls and (kinds[0].fit_pct or 0.0) > LITTLE_PCT and not drift_findings(best.solved, logs):
+    if (
+        falls_with_input(best, inputs)
+        and not (signed or of_loops)
+        and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
+        and not drift_findings(best.solved, logs)
+    ):
         raise DataError(*(wrong_sign_message(log) for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds, searched=searched)
@@ -251,6 +258,11 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     of_clutch = None if clutch is None else clutch.clutch
     logs = logs if clutch is None or best.kind in LAG_KINDS else clutch.logs
     return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], searched.late, of_clutch, searched)
+
+
+def falls_with_input(one: Tried, inputs: Excited) -> bool:
+    """Whether the output of a kind falls wherever its input rises."""
+    return bool((plant_found(one.solved).curve(inputs.shown) < 0).all())
 
 
 def rank_beside_clutch(

@@ -98,7 +98,7 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
                 f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
                 "they were swapped; name both with «columns» input=NAME,output=NAME"
             )
-    follow = [_follows(log) for log in logs] if not faults else []
+    follow = [follows(log) for log in logs] if not faults else []
     if len(follow) > 1 and min(map(abs, follow)) > FOLLOWS_SURELY and min(follow) < 0 < max(follow):
         most = 1 if sum(r > 0 for r in follow) * 2 >= len(follow) else -1
         faults += [
@@ -116,7 +116,7 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
         raise DataError(*faults)
 
 
-def _follows(log: RecordedLog) -> float:
+def follows(log: RecordedLog) -> float:
     """Correlation of the output with the input."""
     known = np.isfinite(log.output)
     u, y = (one - one.mean() for one in (log.input[known], log.output[known]))

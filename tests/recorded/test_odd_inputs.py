@@ -285,3 +285,14 @@ def test_a_setpoint_that_is_taken_for_the_output_crashes_nothing():
     noisy = wanted + 0.001 * np.random.default_rng(1).standard_normal(len(t))
     fit = fit_recorded([RecordedLog("log", t, u, noisy)], FitOptions(model=("nonlinear",)))
     assert fit.logs[0].samples <= len(t)
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_one_tone_that_the_output_follows_is_no_wrong_sign(seed):
+    """A gain below 0 behind half a period explains it as well as any, and the log was refused for that."""
+    t, Ts = np.arange(2000) * 0.02, (0.0, 8e-3, 1.5e-4, 1.2e-6)
+    plant, u = Plant((0.2, 0.01, -8e-5), (2.0, 0.2, -1e-3), Ts, (1.0, 100.0)), 50.0 + 30.0 * np.sin(0.4 * np.pi * t)
+    noise = 0.005 * np.random.default_rng(seed).standard_normal(len(t))
+    hum_and_drift = 0.03 * np.sin(14 * np.pi * t) + 0.005 * t
+    log = RecordedLog("log", t, u, respond(plant, t, u, t) + hum_and_drift + noise)
+    assert "idle-not-seen" in codes(fit_recorded([log], FitOptions(model=("nonlinear",))))
