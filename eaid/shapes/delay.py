@@ -50,7 +50,9 @@ SECOND_SAVES = 8.0  # Squares over the noise's by which a second exponential has
 LATE_EVIDENCE = 30.0  # Twice the logarithm of the likelihood that noise alone hardly makes of a dead time
 # Levels whose dead times tell a ramp, by what factor these differ, and squares about it over those about their mean
 FEWEST_RAMPS, RAMPS_APART, RAMP_PART = 3, 1.5, 0.2
-CURVES_TRIED, EARLIEST = 9, 0.5  # Dead times tried, from so much before the step, as a part of the latest
+ENDS_PART = 0.1  # Of holds, that is not looked at where their input was noted late
+# Dead times tried, from so much before the step, as a part of the latest; from earlier where the earliest is the best
+CURVES_TRIED, EARLIEST = 9, (0.5, 2.0, 8.0, 32.0)
 
 
 class Begin(NamedTuple):
@@ -82,9 +84,12 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
     theta_s = found.dead_time_s
     levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
     law = Law("free", share) if options.held_share in (None, SHARE) else Law("two", share)
-    if theta_s or sum(evidence(level, law) for level in levels) > LATE_EVIDENCE:
-        by_curves = find_by_cost(levels, law)
-        if by_curves is not None:
+    early = theta_s < 0 or (not theta_s and begin_off_rest(levels))
+    if theta_s or early or sum(evidence(level, law) for level in levels) > LATE_EVIDENCE:
+        # of an input noted late, holds end as much before their noted end
+        whole = [one.ended(ENDS_PART * float(one.time_s[-1])) if early else one for one in levels]
+        by_curves = find_by_cost(whole, law, white=not early)
+        if by_curves is not None and (by_curves.dead_time_s < 0 or not early):
             return by_curves
     better = sum(explains_as_well(step, theta_s, replace(options, shape=law.shape)) for step in steps) if theta_s else 0
     return found if not steps or 2 * better > len(steps) else Begin()
@@ -133,6 +138,12 @@ def _mean(theta: Array, weight: Array, levels: Sequence[Level]) -> tuple[float, 
 def _row_s(levels: Sequence[Level]) -> float:
     """The usual time between two rows [s]."""
     return median(np.array([usual_step(level.time_s) for level in levels]))
+
+
+def begin_off_rest(levels: Sequence[Level]) -> bool:
+    """Whether the outputs of most runs have risen by a good part when their input is noted."""
+    off = [float(run[0]) > RISE_PART[0] * float(run.max()) for level in levels for run in level.runs]
+    return 2 * sum(off) > len(off)
 
 
 def find_by_rises(stepset: StepSet) -> Begin:
@@ -186,9 +197,10 @@ def _fit_curves(points: AveragedRecord, delays: Sequence[float], law: Law) -> tu
     return p, left + points.within
 
 
-def find_by_cost(levels: Sequence[Level], law: Law) -> Begin | None:
+def find_by_cost(levels: Sequence[Level], law: Law, white: bool = True) -> Begin | None:
     """The dead time behind which a law leaves least of the levels' mean curves, or one exponential that leaves no more;
-    None where they leave more than noise."""
+    None where they leave more than `white` noise, if that is asked for: a rise that began before its input has lost its
+    begin, and the whole curve tells more whatever its noise is."""
     points = [average_record(level.time_s, level.mean) for level in levels]
     fits = [_fit_curves(one, [0.0, *delays_tried(one)], law) for one in points]
     near = [found[0] for found in fits if found is not None]
@@ -202,15 +214,15 @@ def find_by_cost(levels: Sequence[Level], law: Law) -> Begin | None:
         of_one, ones = _least_late(points, ones, noise, ONE.shape)
         if of_one < cost + SECOND_SAVES * len(levels):  # a second one makes a jump of the start
             shape, near = ONE.shape, ones
-    found, white = [], 0
+    found, count = [], 0
     for level, p in zip(levels, near, strict=True):
         curve, J = step_curve(p, level.time_s), slopes(p, level.time_s)[:, [*FREE[shape], 4]]
-        white += independent_samples(level.mean - curve) > WHITE * len(curve)
+        count += independent_samples(level.mean - curve) > WHITE * len(curve)
         unit = inverse(J.T @ J)
         for run in level.runs:
             shift, spread = float((unit @ (J.T @ (run - curve)))[-1]), float(unit[-1, -1]) * _noise(run - curve)
             found.append((float(p[4]) + shift, 1 / max(spread, 1e-300), float(np.exp(p[1]))))
-    return _judge_starts(np.array(found), levels) if 2 * white > len(levels) and len(found) > 1 else None
+    return _judge_starts(np.array(found), levels) if (2 * count > len(levels) or not white) and len(found) > 1 else None
 
 
 def _least_late(
@@ -229,8 +241,11 @@ def _least_late(
         return sum((square + one.within) / size for (_, square), one, size in each)
 
     latest = max(delays_tried(one)[-1] for one in points)
-    tried = np.linspace(-EARLIEST * latest, latest, CURVES_TRIED)
-    at = int(np.argmin([cost(theta) for theta in tried.tolist()]))
+    for earliest in EARLIEST:
+        tried = np.linspace(-earliest * latest, latest, CURVES_TRIED)
+        at = int(np.argmin([cost(theta) for theta in tried.tolist()]))
+        if at:
+            break
     between = tried[max(at - 1, 0)], tried[min(at + 1, CURVES_TRIED - 1)]
     best = minimize_scalar(cost, bounds=between, method="bounded", options={"xatol": 1e-3 * latest})
     return float(best.fun), [p for p, _ in ends(float(best.x))]
