@@ -18,7 +18,7 @@ V falls there too, in each of four cases:
 The lowest limit is the mirror image. e_z is the largest e at z = 0 on the level of V where the loop starts, from rest,
 or ends. Where (b) fails, (a) has to hold for every torque within the largest error of that level.
 All this is of a loop in continuous time; that sampling and latching leave of it what matters is judged by the margins
-of the extreme plants, Ṫ = b (u − η̂(T)) with b = 1/B_M and 1/B_m.
+of the extreme plants, Ṫ = b (u − η̂(T)) with b = 1/B_M and 1/B_m, and by their errors along the reference.
 """
 
 import math
@@ -50,6 +50,8 @@ class Grounds(NamedTuple):
     top_nm: float | None = None  # Highest torque of which they show it
     torque_nm: Array | None = None  # The reference at intervals of the control rate; None: not known
     dead_time_s: float = 0.0
+    # Largest error in the end [N·m] on the plants of B_m and B_M under the loop as it is sampled and latched
+    left: Callable[[Robust], float] | None = None
 
 
 def steepest(torque_nm: Array, dt_s: float) -> float:
@@ -119,6 +121,9 @@ def guarantee_of(rc: Robust, grounds: Grounds) -> Guarantee:
     ]
     if grounds.dead_time_s > 0:
         conditions.append(Condition("dead-time", False, 0.0, grounds.dead_time_s, "s"))
+    bound, all_hold = rc.ultimate_bound_nm, all(each.holds for each in conditions)
+    if all_hold and bound is not None and grounds.left is not None and (left := grounds.left(rc)) > bound:
+        conditions.append(Condition("sampled-error", False, left, bound, grounds.units[1]))
     verdicts = [each.holds for each in conditions]
     return Guarantee(False if False in verdicts else None if None in verdicts else True, tuple(conditions))
 

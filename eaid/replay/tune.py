@@ -81,7 +81,21 @@ class Task:
         phi, top = self.phi, seen_top_nm(self.bounds, self.plant)
         if len(self.fit.data.levels) == 1:  # nothing tells the input of any other output
             phi = top = None
-        return Grounds(self.model, self.limits, self.timing, self.units, phi, top, followed, self.fit.dead_time_s)
+        return Grounds(
+            self.model, self.limits, self.timing, self.units, phi, top, followed, self.fit.dead_time_s,
+            self.left_by_sampling,
+        )  # fmt: skip
+
+    def left_by_sampling(self, rc: Robust) -> float:
+        """Largest error in the later half of the reference on the plants of B_m and B_M, as the loop is sampled."""
+        gain, controller = self.model.b0 / self.model.a0, feedback(rc_law(self.model, rc, self.limits))
+        wanted, rig, worst = self.wanted, Rig(pwm_hz=self.timing.pwm_hz or 0.0), 0.0
+        for tau in (float(rc.B_m or 0.0) * gain, float(rc.B_M or 0.0) * gain):
+            extreme = Plant((tau,), (tau,), (self.model.c0 / self.model.a0, gain), (0.0, self.limits[1]), C=1.0)
+            columns = replay(plant_numbers(extreme), controller, wanted.torque_nm, rig, wanted.dt_s)
+            late = slice((wanted.begin + len(wanted.torque_nm)) // 2, None)
+            worst = max(worst, tracking(columns, controller.limits_pct, late).max_abs_error_nm or 0.0)
+        return worst
 
     def designed(self, options: TuneOptions) -> Design:
         """The numbers that nothing was said about, settled."""

@@ -198,6 +198,19 @@ def test_a_loop_that_sampling_leaves_too_little_margin_has_no_guarantee(judged):
     assert row.holds is False and row.needed in (6.0, 45.0)
 
 
+def test_a_bound_that_sampling_alone_goes_beyond_is_none(judged):
+    """B and the drift as good as known: the bound of a loop in continuous time is some 1e-5 N·m, its error in samples,
+    on a plant that the bound speaks of, a hundred times that."""
+    t = np.arange(0.0, 12.0, DT)
+    reference = (t, 2.5 + np.cos(1.5 * t))
+    known = {"bounds": {"B_m": 1 / 0.17, "B_M": 1 / 0.17}}
+    gains = judged(reference, known, phi="data")
+    assert gains.guarantee.holds is False and gains.guarantee.missing == ("sampled-error",)
+    (row,) = (one for one in gains.guarantee.conditions if one.name == "sampled-error")
+    of_plant = largest_error(gains, reference[1], ("held", "held", 0.5, 0.0, 1.0), 6.0)
+    assert row.available == gains.rc.ultimate_bound_nm < 0.1 * of_plant and row.needed > of_plant
+
+
 def test_there_is_one_verdict(judged, tmp_path):
     for reference, holds in ((triangle(1.5, 3.5, 3.0), True), (triangle(0.5, 4.95, 8.0), False)):
         gains = judged(reference)

@@ -28,6 +28,8 @@ CONDITION_ROWS = {
                    "the actuator begins at {a}, a plant within the fit's bounds may take {n} {unit}"),
     "sampling": ("sampling", "the extreme plants keep 6 dB and 45° under the loop as it is sampled and latched",
                  "as it is sampled and latched, the extreme plants keep {a} of the {n} {unit} needed"),
+    "sampled-error": ("sampled error", "the extreme plants end within the bound as the loop is sampled, too",
+                      "as it is sampled and latched, the extreme plants end {n} {unit} off, the bound is {a}"),
     "dead-time": ("dead time", "the plant answers at once, as the proof supposes",
                   "the proof knows no dead time, the plant has {a} {unit}"),
 }  # fmt: skip
