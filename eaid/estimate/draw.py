@@ -5,22 +5,28 @@ logarithm by d = g'δc. The scatter behind that covariance is known from a few r
 √(ν/χ²(ν)), which makes it Student's t with the ν degrees of freedom of the parameter. A polynomial is then put through
 p(u) e^d by least squares of the relative error.
 
+Of other kinds of plant a fit keeps intervals of its numbers: each is drawn by its own, on its logarithm, as if it were
+independent of the others, which makes the ranges rather wide.
+
 The constraints of the fit (τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 over the identified duties) are linear in the coefficients: a
 draw that breaks one is drawn again and counted, and after many refusals pulled back along the line to the fit.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.errors import DataError
 from eaid.estimate.coefficients import CURVES_ORDER, coefficient_limits, coefficients_of
+from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.dynamics import Plant
 from eaid.plant.forms import terms
 from eaid.results.fit import Fit
+from eaid.results.plant import FittedPlant
 
 MOST_REFUSED = 200
 DRAWN_INPUTS = 11  # Inputs over the identified range at which a curve is drawn
@@ -49,21 +55,25 @@ class Drawn:
 
 
 def drawable(fit: Fit) -> bool:
-    """Whether a fit holds the covariance that plants are drawn with; without it all of them are the fitted plant."""
+    """Whether a fit holds what plants are drawn with, a covariance or intervals; without it all of them are the fitted
+    plant."""
     model = fit.nonlinear
-    if model is None or model.covariance is None or (fit.plant_ is not None and fit.plant_.kind != "parallel"):
-        return False
-    return bool(model.covariance.matrix)
+    if fit.plant_ is not None and fit.plant_.kind != "parallel":
+        return any(_log_error(fit.plant_, name) > 0 for name in fit.plant_.numbers)
+    return model is not None and model.covariance is not None and bool(model.covariance.matrix)
 
 
 def draw(fit: Fit, n: int, seed: int) -> Drawn:
-    """`n` plants that the data of a fit allow; all are the fitted one where it holds no covariance (`drawable`).
+    """`n` plants that the data of a fit allow; all are the fitted one where it holds nothing for it (`drawable`).
 
     `DataError` without a nonlinear model, or for a covariance of another shape than its coefficients.
     """
     centre = fit.plant
-    if not drawable(fit) or fit.nonlinear is None or fit.nonlinear.covariance is None:
+    if not drawable(fit):
         return Drawn((centre,) * n, 0)
+    if fit.plant_ is not None and fit.plant_.kind != "parallel":
+        return Drawn(_by_intervals(fit.plant_, n, np.random.default_rng(seed)), 0)
+    assert fit.nonlinear is not None and fit.nonlinear.covariance is not None
     stored = fit.nonlinear.covariance
     free = (stored.order or ("",))[-1] == "C"
     at_centre = coefficients_of(centre, free)
@@ -94,6 +104,41 @@ def draw(fit: Fit, n: int, seed: int) -> Drawn:
         C = min(max(float(mean[-1] + step[-1]), 0.0), 1.0) if free else centre.C
         plants.append(centre.moved(p.tau1, p.tau2, p.Ts, C))
     return Drawn(tuple(plants), rejected)
+
+
+def _log_error(part: FittedPlant, name: str) -> float:
+    """Standard error of the logarithm of a plant's number, by its interval, or the middle of those at its inputs; 0
+    where there is none."""
+    if part.ci95 is None:
+        return 0.0
+    rows = part.ci95.levels.get("Ts" if name == "gain" else name, ())
+    alone = getattr(part.ci95, name)
+    ends = [alone] if alone is not None else [(low, high) for _, low, high in rows]
+    return median([np.log(high / low) for low, high in ends if 0 < low < high] or [0.0]) / (
+        2 * float(t_quantile(np.inf))
+    )
+
+
+def _by_intervals(part: FittedPlant, n: int, random: "np.random.Generator") -> tuple[Plant, ...]:
+    """Plants of another kind than the clutch's, each number drawn by its own interval."""
+    errors = {name: _log_error(part, name) for name in part.numbers}
+    each = ({name: float(np.exp(sd * random.standard_normal())) for name, sd in errors.items()} for _ in range(n))
+    return tuple(_with_factors(part.plant, by) for by in each)
+
+
+def _with_factors(p: Plant, by: Mapping[str, float]) -> Plant:
+    """A plant whose numbers are so many times larger, by their names in results."""
+    one = by.get("tau1", 1.0)
+    two, zeta = by.get("tau2", one), p.zeta
+    if zeta is not None:  # τ1, τ2 = a^(∓1)/ω with a = ζ + √(ζ² − 1), where these are real
+        apart = (zeta + float(np.sqrt(max(zeta**2 - 1, 0.0)))) * float(np.sqrt(two / one))
+        zeta = 0.5 * (apart + 1 / apart) if zeta >= 1 else zeta * by.get("zeta", 1.0)
+        one = two = float(np.sqrt(one * two)) / by.get("omega", 1.0)
+    tau1, tau2 = (tuple(factor * c for c in powers) for factor, powers in ((one, p.tau1), (two, p.tau2)))
+    dead_time_s = p.dead_time_s * by.get("dead_time_s", 1.0)
+    return replace(
+        p.scaled(by["gain"]), tau1=tau1, tau2=tau2, C=p.C * by.get("C", 1.0), zeta=zeta, dead_time_s=dead_time_s
+    )
 
 
 class _Block:

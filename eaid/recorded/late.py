@@ -228,7 +228,8 @@ def changes_between_rows(base: Solved, index: int, log: RecordedLog) -> bool:
     if not log.stepwise or len(log.changes) <= FEWEST_BETWEEN or np.isnan(log.output).any():
         return False
     x = base.x[base.setup.places[index].columns]
-    D, r, starts = differ_by_a_row(base.fitted, x, log.drive), base.missed[index], log.changes[1:]
+    D, starts = differ_by_a_row(base.fitted, x, log.drive), log.changes[1:]
+    r = set_up_one_log(base.fitted, log.drive).residuals(x, 0)
     weight = np.add.reduceat(D * D, starts)
     rows = -np.add.reduceat(D * r, starts) / np.maximum(weight, 1e-300)
     off = weight * (rows - np.average(rows, weights=weight)) ** 2

@@ -16,6 +16,7 @@ from eaid.plant.respond import respond
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.inputs import find_inputs
 from eaid.recorded.log_intervals import engagements
+from eaid.results.plant import number
 
 from ..conftest import codes
 
@@ -126,12 +127,18 @@ def test_an_input_of_both_signs_that_never_rests_is_one_engagement():
     assert not engagements(drive).any()
 
 
-def test_plants_of_another_kind_are_not_drawn_by_the_clutchs_covariance():
+@pytest.mark.parametrize("kind", ["lag", pytest.param("ringing", marks=pytest.mark.slow)])
+def test_plants_of_another_kind_are_drawn_by_their_intervals(kind):
     t, random = np.arange(3000) * 0.02, np.random.default_rng(3)
     u = np.repeat(random.choice([0.0, 30.0, 60.0, 100.0], 60), 50)
-    fit = fit_recorded([log(t, u)], FitOptions())
-    assert fit.plant.kind == "lag" and not drawable(fit)
-    assert draw(fit, 3, 0).plants == (fit.plant,) * 3
+    fit = fit_recorded([log(t, u, LAG if kind == "lag" else replace(LAG, zeta=0.3))], FitOptions())
+    assert fit.plant.kind == kind and drawable(fit)
+    plants = draw(fit, 400, 0).plants
+    for name, (_, ends) in fit.plant_.numbers.items():
+        low, high = np.quantile([number(one, name, 100.0) for one in plants], [0.025, 0.975])
+        assert np.log([low, high]) == pytest.approx(np.log(ends), abs=0.2 * np.log(ends[1] / ends[0]))
+    without = fit_recorded([log(t, u)], FitOptions(ci="none"))
+    assert not drawable(without) and draw(without, 3, 0).plants == (without.plant,) * 3
 
 
 def test_a_loop_with_a_missing_output_still_tells_its_law():
