@@ -84,6 +84,15 @@ def of_this_mounting(fit: Fit, what: str) -> list[Finding]:
     return [] if fit.of_sessions else [finding("for-this-mounting", "model", what=what)]
 
 
+def counted_from_rest(fit: Fit, limits: tuple[float, float]) -> list[Finding]:
+    """Said wherever an input goes to a rig, or comes from one, that rests at another one than 0."""
+    rest, (low, high), unit = float(fit.options.reading.get("rest") or 0.0), limits, fit.data.input_unit
+    if not rest:
+        return []
+    on_rig = {"rig_low": rest + low, "rig_high": rest + high}
+    return [finding("input-from-rest", "model", (), rest=rest, unit=unit, low=low, high=high, **on_rig)]
+
+
 def input_limits(fit: Fit) -> tuple[float, float]:
     """Range of the actuator: 0…100 % of a duty, of another input 0 to what was identified; of both signs where it was
     recorded so."""

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from eaid.control.defaults import counted_from_rest
 from eaid.control.gains import plant_of
 from eaid.control.margins import margins, operating_points, points_of
 from eaid.errors import EaidError, GainsError
@@ -50,6 +51,8 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
     for law in ("plant", "inverse"):
         if options.law is None and (what := source.left_out(law)):
             yield finding("export-left-out", law, what=what)
+    if source.fit is not None:
+        yield from counted_from_rest(source.fit, source.limits)
     if source.fit is not None and any(one.code == "signs-turned" for one in source.fit.findings):
         idle = 0.0 if source.plant is None else source.plant.idle
         yield finding("export-sign-turned", "torque", idle=idle, unit=source.units[1])

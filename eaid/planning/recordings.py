@@ -8,6 +8,7 @@ from math import inf, sqrt
 import msgspec
 import numpy as np
 
+from eaid.control.defaults import counted_from_rest
 from eaid.estimate.data import data_of
 from eaid.findings import finding
 from eaid.levels.certainty import estimate_levels_first
@@ -89,7 +90,8 @@ def plan_recordings(fit: Fit, options: PlanOptions, progress: Callable[[], None]
     plan, worst, width = settled(make, measure, options, sets, KEEPING, progress)
     if other is not None and (by_simulation := plan.measured_half_width_pct) is not None:
         plan = msgspec.structs.replace(plan, half_width_pct=by_simulation)  # not those of information alone
-    findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
+    findings = counted_from_rest(fit, (0.0, max(rig.levels)))
+    findings += [] if rig.known else [finding("plan-assumes-noise", "plan")]
     findings += [finding("plan-of-decaying-output", "plan", each.levels) for each in decays]
     if guessed:
         findings.append(finding("plan-rests-on-a-guess", "plan"))

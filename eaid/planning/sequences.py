@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array
+from eaid.control.defaults import counted_from_rest
 from eaid.declared import keyed, pairs
 from eaid.errors import DataError, UsageError
 from eaid.estimate.forms import nonlinear
@@ -275,7 +276,8 @@ def shortest_recording(fit: Fit, options: PlanOptions, progress: Callable[[], No
         lambda plan, k: recording_widths(plan, plant, noise, k, seed),
         options, SEQUENCE_SETS, SEQUENCE_KEEPING, progress,
     )  # fmt: skip
-    findings = [] if rig.known else [finding("plan-assumes-noise", "plan")]
+    findings = counted_from_rest(fit, fit.plant.u_range)
+    findings += [] if rig.known else [finding("plan-assumes-noise", "plan")]
     if not plan.met:
         findings.append(finding(
             "excitation-short", "plan", most_s=plan.time_on_rig_s, parameter=worst,

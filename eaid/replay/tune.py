@@ -11,6 +11,7 @@ import numpy as np
 from eaid.control.defaults import (
     Scales,
     beyond_rc,
+    counted_from_rest,
     design_options,
     input_limits,
     of_this_mounting,
@@ -200,6 +201,7 @@ def tune(
         verdict, rc, more = judged_rc(task, settled, rc, pi, replayed)
         findings += more
     findings += _notes(task, settled, tuned, rc, replayed)
+    findings += counted_from_rest(fit, task.limits)
     findings += of_this_mounting(fit, "gains, guarantee and margins")
     if fit.latest_dead_time_s > (1 + LATER) * fit.dead_time_s > 0:
         latest_s = fit.latest_dead_time_s

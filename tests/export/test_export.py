@@ -40,6 +40,14 @@ def test_a_turned_sign_is_said_with_what_torque_is(tmp_path):
     assert "export-sign-turned" in codes(made) and "less what the rig measures" in (made.path / "README.md").read_text()
 
 
+def test_an_input_that_rests_at_another_value_is_told_wherever_it_goes_to_the_rig(tmp_path):
+    """Volts from 1.5 on: code that gave 0 to 6 V, as if from 0, in silence ended short of its reference."""
+    plain, fit = fit_of(), fit_of(options={"reading": {"rest": 1.5}})
+    made = eaid.export(gains_of(), tmp_path / "rig", fit)
+    assert "0 to 100 % are 1.5 to 101.5 % there; add 1.5 to" in (made.path / "README.md").read_text()
+    assert "input-from-rest" in codes(eaid.plan(fit)) and "input-from-rest" not in codes(eaid.plan(plain))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 def test_every_file_but_vectors_names_what_it_is_made_of_and_no_name_or_unit_breaks_it(

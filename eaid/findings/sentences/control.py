@@ -205,6 +205,10 @@ ROWS: dict[str, Row] = {
         "{unit} less what the rig measures, not that itself",
         rank=-1,
     ),
+    "input-from-rest": caution(
+        "every input here is counted from rest, which is {rest:g} {unit} on the rig: {low:.4g} to {high:.4g} {unit} "
+        "are {rig_low:.4g} to {rig_high:.4g} {unit} there; add {rest:g} to what the rig is given"
+    ),
     "export-from-rest": note("the {subject} counts its output from rest, where the rig's is {idle:.4g} {unit}"),
     "export-no-release": caution(
         "no release was fitted: how the output falls to rest is an assumption of the {subject}"
