@@ -14,6 +14,7 @@ from eaid.export.constants import SERIES, Entries, Rig, decimal, harmless, names
 from eaid.findings import Finding, finding, say
 from eaid.options import LAWS, ExportOptions
 from eaid.plant.dynamics import Plant, plant_numbers, plant_terms
+from eaid.replay.controllers import why_no_inverse
 from eaid.results.codec import content_of, digest_of
 from eaid.results.common import Input
 from eaid.results.fit import Fit
@@ -53,9 +54,7 @@ class Source:
             return ""
         if p.zeta is not None and any(p.tau1[1:]):
             return f"a {p.kind} whose time changes with the input"
-        if law == "inverse" and p.zeta is not None:
-            return f"two states, {p.kind}"
-        return "an input of both signs" if law == "inverse" and p.signed else ""
+        return why_no_inverse(p) if law == "inverse" else ""
 
     @property
     def top(self) -> float:

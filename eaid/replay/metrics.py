@@ -30,13 +30,18 @@ from eaid.replay.references import Reference
 from eaid.results.gains import Tracking
 from eaid.results.replay import Metrics, StepMetrics, ToneMetrics
 
+MOST_SWINGS = 10  # Of an input from limit to limit, for each turn of the reference, from which it cycles
 LIMITED, OFF = 0.4, 0.02  # Share of the time at a limit of the input; errors that count, of the highest reference
 
 
 def at_limit(name: str, columns: Mapping[str, Array], limits: tuple[float, float]) -> list[Finding]:
     """Whether a controller's input lay at a limit so long, away from the reference, that its errors say little of its
-    gains."""
+    gains, or goes from limit to limit all the time."""
     duty, wanted = columns["duty_pct"], columns["reference_nm"]
+    ends = np.sign((duty >= limits[1]).astype(float) - (duty <= limits[0]))
+    swings, turns = (int(np.count_nonzero(np.diff(one[one != 0]))) for one in (ends, np.sign(np.diff(wanted))))
+    if swings > MOST_SWINGS * (turns + 1):
+        return [finding("controller-cycles", name, count=swings, turns=turns)]
     off = np.abs(wanted - columns["torque_nm"]) > OFF * np.abs(wanted).max()
     share = float((((duty <= limits[0]) | (duty >= limits[1])) & off).mean())
     return [finding("controller-at-limit", name, share_pct=100 * share)] if share >= LIMITED else []

@@ -18,7 +18,7 @@ from eaid.options import Rig, SimulateOptions
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared, without_creep
-from eaid.replay.controllers import Controller, OwnGains, OwnLaw, controller_of, own_step
+from eaid.replay.controllers import Controller, OwnGains, OwnLaw, controller_of, own_step, why_no_inverse
 from eaid.replay.loop import replay
 from eaid.replay.metrics import at_limit, measure
 from eaid.replay.references import Reference, reference_beyond, reference_of, signal_of
@@ -102,8 +102,7 @@ def _controllers(
     if not names and not own:
         names = (*(gains.laws if gains is not None else ()), *("open-loop",) * (what == "sweep" and linear is not None))
         if not names and what != "log":
-            invertible = model.zeta is None and not model.signed
-            names = ("open-loop",) * (linear is not None) + ("inverse",) * invertible
+            names = ("open-loop",) * (linear is not None) + ("inverse",) * (not why_no_inverse(model))
             findings.append(finding("no-gains", "controllers"))
     limits = input_limits(fit) if gains is None else gains.duty_limits_pct
     controllers = [controller_of(name, model, linear, gains, limits) for name in names]

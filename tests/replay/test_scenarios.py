@@ -231,3 +231,22 @@ def test_what_a_replay_stands_on_is_said(played, fit_of, fit, codes):
     assert run.head.rig.delay_samples == 1 and "dead-time-replayed" not in codes(run)
     assert "nothing-to-replay-on" not in codes(eaid.tune_rc(fit, reference="multisine"))
     assert "nothing-to-replay-on" in codes(eaid.tune_rc(fit_of(nonlinear=None)))
+
+
+def test_a_controller_that_cycles_is_told_to_cycle(fit_of, codes):
+    """Of one lag without noise the inverse holds its output; on noise it goes from limit to limit, and it was told that
+    its errors are the actuator's. Behind a dead time it does so without any, and is refused."""
+    lag = {
+        "C": 1.0,
+        "tau1": [2.0, 0.0, 0.0],
+        "tau2": [2.0, 0.0, 0.0],
+        "Ts": [0.0, 0.05, 0.0, 0.0],
+        "u_range": [1.0, 100.0],
+    }
+    t = np.arange(0.0, 5.0, 0.01)
+    held = (t, np.full(len(t), 2.0))
+    fit = fit_of(nonlinear=lag)
+    still = eaid.simulate(fit, reference=held, controller=("inverse",))
+    assert not {"controller-cycles", "controller-at-limit"} & set(codes(still))
+    noisy = codes(eaid.simulate(fit, reference=held, controller=("inverse",), noise_nm=0.05))
+    assert noisy["controller-cycles"]["count"] > 100 and noisy["controller-cycles"]["turns"] == 0

@@ -142,6 +142,12 @@ ROWS: dict[str, Row] = {
         "slower or smaller «reference», or gentler gains",
         size="share_pct",
     ),
+    "controller-cycles": caution(
+        "{subject}: its input goes {count} times from one limit to the other, and the reference turns {turns} times: "
+        "it cycles, on the noise that it reads or behind a dead time, and holds no output; take another controller, or "
+        "gentler gains",
+        size="count",
+    ),
     "reference-above-q-max": caution(
         "the reference is as steep as {slope:.3g} per second; the gains were made for Q_M = {Q_M:g}"
     ),
@@ -180,8 +186,7 @@ ROWS: dict[str, Row] = {
     "export-not-usable": stop("{subject} of a fit that is NOT USABLE: {why}"),
     "export-left-out": caution("the fit's plant has {what}, which an exported {subject} does not know: it is left out"),
     "export-no-dead-time": caution(
-        "the exported {subject} answers at once: hold its input back by the fit's dead time of {dead_time_s:.3g} s in "
-        "your own loop"
+        "the exported {subject} knows no dead time, and the fit's is {dead_time_s:.3g} s: its margin is the less for it"
     ),
     "export-guarantee-holds": note("RC: the Lyapunov guarantee holds, for the reference that the gains were made for"),
     "export-guarantee-missing": caution(
