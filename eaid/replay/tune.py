@@ -43,13 +43,15 @@ from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.plant.linear import LinearPlant
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
-from eaid.replay.metrics import tracking
+from eaid.replay.metrics import step, tracking
 from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 from eaid.results.plant import falls_between
 
 LATER = 0.1  # Part of the dead time by which loops that are designed for a later one say so
+SETTLINGS, STEP_SAMPLES = 5.0, 200_000  # Of a PI's step behind a dead time, that are watched; samples at most
+LARGEST_INPUT = 1e9
 PLANTS = 100  # Plants of the next session by which φ is judged
 
 
@@ -122,6 +124,21 @@ class Task:
         controller = feedback(law)
         columns = replay(plant_numbers(self.plant), controller, self.wanted.torque_nm, Rig(), self.wanted.dt_s)
         return tracking(columns, controller.limits_pct, slice(self.wanted.begin, None))
+
+    def step_of(self, pi: PIGains) -> tuple[float, float]:
+        """Overshoot [%] and 2 % settling time [s] of a PI on the linear model, behind the fit's dead time."""
+        overshoot_pct, settling_s = step_metrics(self.model, pi.K_P, pi.K_I)
+        dead_s, slow_s = self.fit.dead_time_s, 1 / self.model.a0
+        if not dead_s:
+            return overshoot_pct, settling_s
+        watched_s = SETTLINGS * min(settling_s, SETTLINGS * slow_s) + SETTLINGS**2 * dead_s
+        dt_s = max(self.timing.step_s, watched_s / STEP_SAMPLES)
+        gain, far = self.model.b0 / self.model.a0, (0.0, LARGEST_INPUT)  # of both signs, without an end
+        plant = Plant((slow_s,), (slow_s,), (0.0, gain), far, C=1.0, Ts_below=(0.0, -gain), dead_time_s=dead_s)
+        free = pi._replace(duty_min=-np.inf, duty_max=np.inf)
+        wanted = np.ones(int(watched_s / dt_s))
+        found = step(replay(plant_numbers(plant), feedback(free), wanted, Rig(), dt_s)["torque_nm"], 0.0, 1.0, dt_s)
+        return found.overshoot_pct or 0.0, np.inf if found.settling_s is None else found.settling_s
 
     def compared(self, law: Law, slopes: tuple[float | None, float | None]) -> Compared:
         """A controller with its gains, least margins and errors."""
@@ -212,7 +229,7 @@ def tune(
         findings += if_falls_are_releases(both, task.plant, task.points, task.timing)
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
-    overshoot_pct, settling_s = step_metrics(task.model, pi.K_P, pi.K_I)
+    overshoot_pct, settling_s = task.step_of(pi)
     designed = PI(pi.K_P, pi.K_I, overshoot_pct, finite(settling_s), None if settled.pi == AskedPI() else settled.pi)
     return Gains(
         model=task.model, rc=rc, pi=designed, controllers=held,

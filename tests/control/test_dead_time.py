@@ -253,3 +253,20 @@ def test_falls_alone_are_refused_with_what_is_missing() -> None:
     }  # fmt: skip
     with pytest.raises(eaid.DataError, match="no rise, from rest or between levels, .*record the rise before it"):
         eaid.fit(falls)
+
+
+def test_the_overshoot_that_is_told_is_the_loops_behind_its_dead_time():
+    """5 % and 300 s were told, of the linear model alone, where the loop overshoots by 14 %."""
+    tau, gain, dead_s = 70.0, 3.0, 20.0
+    gains = eaid.tune_rc(heater(dead_s, tau, gain, 8.0), pi_overshoot=5.0, pi_settling=300.0)
+    dt, y, total, torque = 0.01, 0.0, 0.0, []
+    played = [0.0] * round(dead_s / dt)
+    for k in range(120_000):
+        total += dt * (1.0 - y)
+        played.append(gains.pi.K_P * (1.0 - y) + gains.pi.K_I * total)
+        y += dt * (gain * played[k] - y) / tau
+        torque.append(y)
+    last = int(np.flatnonzero(np.abs(1.0 - np.array(torque)) > 0.02)[-1])
+    assert gains.pi.settling_s == pytest.approx(dt * (last + 1), rel=0.02)
+    assert gains.pi.overshoot_pct == pytest.approx(100 * (max(torque) - 1), rel=0.03)
+    assert gains.pi.overshoot_pct > 8.0

@@ -207,7 +207,7 @@ def table_iv(gains: Gains) -> Table:
         said = "guaranteed worst error (only if the guarantee holds)"
         rows.append(("error in the end", None, rc.ultimate_bound_nm, out, said))
     if pi is not None:
-        said = "as reached on the linear model"
+        said = "as reached on the linear model, behind its dead time if it has one"
         rows += [
             ("PI: K_P", "21", pi.K_P, f"{unit}/({out})", "gain on the error"),
             ("PI: K_I", "360", pi.K_I, f"{unit}/({out}·s)", "gain on the integral of the error"),
