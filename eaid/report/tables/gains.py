@@ -87,6 +87,7 @@ COMPARED_ROWS = {
 }  # fmt: skip
 
 
+ALIKE_DB, ALIKE_DEG = 1.5, 5.0  # By which margins that are told to be equal may differ
 # Which PI RC is held against
 AGAINST = {
     "equal_pi": "At equal margins a PI", "pi": "At margins no smaller the designed PI",
@@ -105,12 +106,21 @@ def comparison(gains: Gains) -> str:
     least = {name: errors[name] for name in AGAINST if name in errors and _as_safe(rows[name], rows["rc"])}
     best = min({"equal_pi": alike, **least}.items(), key=itemgetter(1))
     by_term = 100 * (1 - own / fed)
+    against = AGAINST[best[0]]
+    if best[0] == "equal_pi" and not _as_wide(rows["equal_pi"], rows["rc"]):
+        against = "A PI of RC's slopes, whose margins are not RC's,"
     size = f"{abs(by_term):.0f} %" if abs(by_term) >= 0.5 else "nothing"
     worth = f"costs {size}" if by_term <= -0.5 else f"is worth {size}"
     return (
-        f"{AGAINST[best[0]]} leaves {best[1] / own:.1f} times RC's largest error, a PI of RC's margins with its "
+        f"{against} leaves {best[1] / own:.1f} times RC's largest error, a PI of RC's margins with its "
         f"feedforward {fed / own:.2f} times: the robust term itself {worth}."
     )
+
+
+def _as_wide(one: Compared, other: Compared) -> bool:
+    """Whether the margins of two loops are alike, to `ALIKE_DB` and `ALIKE_DEG`."""
+    pairs = ((one.gain_db, other.gain_db, ALIKE_DB), (one.phase_deg, other.phase_deg, ALIKE_DEG))
+    return all(a is b is None or (a is not None and b is not None and abs(a - b) <= most) for a, b, most in pairs)
 
 
 def _as_safe(one: Compared, other: Compared) -> bool:
@@ -123,6 +133,8 @@ def controllers_table(gains: Gains) -> Table:
     """Controllers, their gains, least margins and largest errors: all that were compared, else those of the file."""
     errors, margins = gains.replayed, gains.margins or Margins()
     on = f" on the {errors.reference}" if errors is not None else ""
+    if errors is not None and errors.reference != "multisine" and errors.counted_from_s:
+        on += f", from {errors.counted_from_s:.3g} s on"
     rows: list[tuple[str, str, tuple[Cell, Cell], Cell]] = []
     for name, one in (errors.rows if errors is not None else {}).items():
         held = gains.controllers_by_name.get(name)
