@@ -11,7 +11,7 @@ from eaid.cli import console
 from eaid.cli.form import Common, argument, stamped, takes, tell_result, written
 from eaid.declared import any_text, option
 from eaid.errors import DataError, UsageError
-from eaid.files import refuse_to_overwrite
+from eaid.files import refuse_to_overwrite, sha256_of
 from eaid.options import (
     ROBUST,
     TRACKED,
@@ -39,10 +39,11 @@ class FitAndGains(Common):
     def read(self) -> "tuple[eaid.Fit, eaid.Gains | None, tuple[Finding, ...]]":
         """Both, and what is to be told of their files."""
         from eaid.results import codec
+        from eaid.results.gains import of_another_fit
 
         fit, warnings = codec.read(self.fit, eaid.Fit)
         gains, more = codec.read(self.gains, eaid.Gains) if self.gains else (None, ())
-        return fit, gains, (*warnings, *more)
+        return fit, gains, (*warnings, *more, *of_another_fit(gains, sha256_of(self.fit)))
 
 
 @takes
@@ -160,6 +161,7 @@ def _read(paths: list[Path]) -> "tuple[eaid.Gains | None, eaid.Fit | None, list[
     from eaid.control.gains import plant_of
     from eaid.export.export import fit_beside
     from eaid.results import codec
+    from eaid.results.gains import of_another_fit
 
     files: dict[str, Path] = {}
     for path in paths:
@@ -176,5 +178,6 @@ def _read(paths: list[Path]) -> "tuple[eaid.Gains | None, eaid.Fit | None, list[
     fit, more = codec.read(files["fit"], eaid.Fit) if "fit" in files else (None, ())
     if fit is not None and plant_of(fit) is None:
         raise DataError(f"{files['fit']}: holds no plant; fit clutch logs with a nonlinear model, or logs as recorded")
-    console.tell((*warnings, *more))
+    others = of_another_fit(gains, sha256_of(files["fit"])) if fit is not None else ()
+    console.tell((*warnings, *more, *others))
     return gains, fit, list(files.values())

@@ -121,7 +121,7 @@ def fit_steps(
         if not (stepset.levels or shapes):
             raise DataError(
                 "the logs hold no rise, from rest or between levels, and a fall alone does not tell what was held; "
-                "record the rise before it, too"
+                "record the rise before it, too, or say when the input came with «step_at», if the log begins then"
             )
         codes = {one.code for one in (*result.findings, *stepset.all_findings)}
         if another := not shapes and bool(codes & OTHER_SHAPES):

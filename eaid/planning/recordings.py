@@ -47,12 +47,13 @@ def experiment(plan: Plan, plant: Specimen, noise: Noise, seed: int) -> tuple[Le
     return tuple(levels)
 
 
-def simulated_disturbance(noise: Noise) -> Disturbance:
-    """The noise and the scatter of a fit as a simulated recording has them."""
+def simulated_disturbance(noise: Noise, rate_hz: float = RATE_HZ) -> Disturbance:
+    """The noise and the scatter of a fit as a simulated recording has them; its memory goes with the rate."""
     scatter_of = {f"{name}_scatter": noise.scatter[name] for name in ("tau1", "tau2")}
-    coloured = sqrt(noise.ripple_s / (2 * MEMORY_S))
+    memory_s = MEMORY_S * RATE_HZ / rate_hz
+    coloured = sqrt(noise.ripple_s / (2 * memory_s))
     return replace(
-        NONE, white_nm=sqrt(noise.sensor_nm2_s * RATE_HZ), coloured=coloured, coloured_s=MEMORY_S,
+        NONE, white_nm=sqrt(noise.sensor_nm2_s * rate_hz), coloured=coloured, coloured_s=memory_s,
         gain_scatter=min(noise.scatter["Ts"], 0.3), **scatter_of,
     )  # fmt: skip
 

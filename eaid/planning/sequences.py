@@ -40,6 +40,9 @@ MOST_ENGAGEMENTS = 60
 HOLD_INSTANTS = 12  # Instants of each hold at which the sensitivities are taken
 FULL_DUTY = 100.0  # Highest input of a rig in %
 WIDTH_INPUTS = 10  # Duties at which the widths are wanted, from the lowest to the highest
+# Slowest time constant of a rig that the usual holds are made for [s], and times by which that of another differs that
+# has holds of its own
+USUAL_SLOWEST_S, ANOTHER_PACE = 10.0, 5.0
 LEVELS = 13  # Levels that a sequence chooses from
 HOLDS_TRIED = 9  # Holds that it chooses from, log-spaced
 MEAN_POWER = 8  # Of the mean that stands for the worst ratio while levels and holds are exchanged
@@ -229,13 +232,15 @@ class Judge:
         return sequence
 
 
-def recording_widths(plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0) -> Widths:
+def recording_widths(
+    plan: Excitation, p: Plant, noise: Noise, k: int, seed: int = 0, rate_hz: float = RATE_HZ
+) -> Widths:
     """Half-widths [%] at the worst duty, as the `k`-th recording tells them where its fit to the log ends.
 
     It is one log of the sequence; each engagement, from its rest on, has a scatter of its own.
     """
-    draw, plant, disturbance = np.random.default_rng(seed + 7919 * k), clutch(p), simulated_disturbance(noise)
-    time_s = np.arange(round(plan.time_on_rig_s * RATE_HZ)) / RATE_HZ
+    draw, plant, disturbance = np.random.default_rng(seed + 7919 * k), clutch(p), simulated_disturbance(noise, rate_hz)
+    time_s = np.arange(round(plan.time_on_rig_s * rate_hz)) / rate_hz
     start, duty = np.array(plan.duty[:-1]).T
     place = np.searchsorted(start, time_s, side="right") - 1
     engagement = np.cumsum(duty == 0)[place]
@@ -270,10 +275,14 @@ def shortest_recording(fit: Fit, options: PlanOptions, progress: Callable[[], No
             f"{' with a dead time' * (plant.dead_time_s > 0)}; plan steps, without «excitation»"
         )
     refuse_scattered(rig.noise, options.want)
-    limits, noise, seed = limits_of(options, fit.plant.u_range, rig.plant.input_unit), rig.noise, options.seed
+    slowest_s = plant.slowest_s(np.array(plant.u_range))
+    pace = slowest_s / USUAL_SLOWEST_S
+    pace = 1.0 if 1 / ANOTHER_PACE <= pace <= ANOTHER_PACE else pace
+    limits = limits_of(options, plant.u_range, rig.plant.input_unit, pace)
+    noise, seed = rig.noise, options.seed
     plan, worst, width = settled(  # longer until 19 of 20 recordings keep what is wanted
         partial(plan_excitation, plant, noise, limits=limits, seed=seed),
-        lambda plan, k: recording_widths(plan, plant, noise, k, seed),
+        lambda plan, k: recording_widths(plan, plant, noise, k, seed, RATE_HZ / pace),
         options, SEQUENCE_SETS, SEQUENCE_KEEPING, progress,
     )  # fmt: skip
     findings = counted_from_rest(fit, fit.plant.u_range)
@@ -289,8 +298,12 @@ def shortest_recording(fit: Fit, options: PlanOptions, progress: Callable[[], No
     return sequence
 
 
-def limits_of(options: PlanOptions, duty: tuple[float, float], unit: str) -> Limits:
-    """What the rig allows; by itself inputs within `duty`."""
+def limits_of(options: PlanOptions, duty: tuple[float, float], unit: str, pace: float) -> Limits:
+    """What the rig allows; by itself inputs within `duty`, and holds, rests and lengths by the plant's pace."""
     if isinstance(options.limits, Limits):
         return options.limits
-    return replace(keyed(Limits, "«limits»", {"duty": duty, **pairs("«limits»", options.limits)}), unit=unit)
+    usual = Limits()
+    hold_s, lengths = tuple(pace * end for end in usual.hold_s), {"rest_s": usual.rest_s, "longest_s": usual.longest_s}
+    paced = {"duty": duty, "hold_s": hold_s, **{name: pace * one for name, one in lengths.items()}}
+    given = {**paced, **pairs("«limits»", options.limits)}
+    return replace(keyed(Limits, "«limits»", given), unit=unit)

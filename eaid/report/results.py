@@ -20,7 +20,7 @@ from eaid.report.rig import SCENARIO_NAMES, of_the_paper
 from eaid.results import codec, replay_file
 from eaid.results.coupling import Coupling
 from eaid.results.fit import Fit
-from eaid.results.gains import Gains
+from eaid.results.gains import Gains, of_another_fit
 from eaid.results.models import FittedData
 from eaid.results.replay import COLUMNS, Replay
 from eaid.sessions.compare import Comparison
@@ -171,6 +171,11 @@ def read_results(paths: Sequence[Path], tell: Callable[[str], None], progress: P
             faults.extend(fault.sentences)
     if faults:
         raise DataError(*faults)
+    fits = [one.sha256 for one in items if isinstance(one.result, Fit)]
+    for gains in (one.result for one in items if isinstance(one.result, Gains) and fits):
+        others = [of_another_fit(gains, sha256) for sha256 in fits]
+        if all(others):
+            tell(say(others[0][0]))
     return gathered(items, progress)
 
 

@@ -11,11 +11,11 @@ from typing import Annotated, ClassVar
 import msgspec
 
 from eaid.errors import UsageError
-from eaid.findings import sentences
+from eaid.findings import Finding, finding, sentences
 from eaid.options import TuneOptions
 from eaid.plant.linear import LinearPlant
 from eaid.results import codec
-from eaid.results.common import Inputs, Made, Number, Positive, Result
+from eaid.results.common import Input, Inputs, Made, Number, Positive, Result
 from eaid.shown import Plotted, pandas
 
 
@@ -381,3 +381,11 @@ class Gains(Plotted, codec.Saved, Made, frozen=True):
         keys = ("K_P", "K_D", "K_I")
         rows = {name: {key: getattr(law, key, None) for key in keys} for name, law in self.laws.items()}
         return pandas.DataFrame.from_dict(rows, orient="index", dtype=float)
+
+
+def of_another_fit(gains: Gains | None, sha256: str) -> tuple[Finding, ...]:
+    """Said where gains are used with a fit, of that checksum, which is not the one they were made from."""
+    made = None if gains is None else gains.inputs.get("fit")
+    if not isinstance(made, Input) or not made.sha256 or made.sha256 == sha256:
+        return ()
+    return (finding("gains-of-another-fit", "gains", path=made.path),)

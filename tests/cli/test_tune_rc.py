@@ -126,3 +126,15 @@ def test_a_fit_that_is_not_usable_is_used_on_request_only(tuned, by_hand, run_ea
     assert "the fit is NOT USABLE: one level only; --anyway makes gains of it all the same, marked" in ran.err
     gains = tuned("--anyway", parts=parts)
     assert gains["not_usable"] == "one level only" and "fit-not-usable" in codes(gains)
+
+
+def test_gains_of_another_fit_are_told_wherever_they_are_used(by_hand, run_eaid):
+    by_hand()
+    assert run_eaid("tune-rc fit.json -q --force -o gains.json").code == 0
+    own = [run_eaid("simulate fit.json gains.json -o own.h5"), run_eaid("report fit.json gains.json -o own")]
+    by_hand({"seed": 7})
+    others = [run_eaid(f"{words} --force") for words in
+              ("simulate fit.json gains.json -o r.h5", "export gains.json fit.json --as yaml -o rig",
+               "report fit.json gains.json -o page")]  # fmt: skip
+    said = "the gains were made from another fit (fit.json)"
+    assert [said in ran.err for ran in (*own, *others)] == [False, False, True, True, True]

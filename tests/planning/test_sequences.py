@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -63,3 +64,24 @@ def test_widths_that_scatter_keeps_out_of_reach_are_refused_at_once() -> None:
     refuse_scattered(wild, {"Ts": 3.5, "tau2": 1.0})
     with pytest.raises(eaid.UsageError, match=r"3\.42 %"):
         refuse_scattered(wild, {"Ts": 3.4})
+
+
+def test_a_plant_of_another_pace_is_planned_in_its_own_time(small_fit: eaid.Fit) -> None:
+    """Two hundred times as fast: holds of 0.3 s and more and 100 rows a second told its lags to half of themselves, and
+    no hour was long enough."""
+
+    def quicker(one: Any, *names: str) -> Any:
+        faster = {name: tuple(c / 200 for c in getattr(one, name)) for name in names}
+        return msgspec.structs.replace(one, **faster)
+
+    old, nonlinear = small_fit.uncertainty, quicker(small_fit.nonlinear, "tau1", "tau2")
+    noise = msgspec.structs.replace(
+        old.noise, sensor_nm2_s=old.noise.sensor_nm2_s / 200, ripple_s=old.noise.ripple_s / 200
+    )
+    fast = msgspec.structs.replace(
+        small_fit, nonlinear=nonlinear, plant_=quicker(small_fit.plant_, "tau1", "tau2"),
+        uncertainty=msgspec.structs.replace(old, noise=noise),
+    )  # fmt: skip
+    want = {"Ts": 40.0, "tau1": 20.0, "tau2": 60.0}
+    slow, quick = (eaid.plan(one, excitation=True, want=want, check=False) for one in (small_fit, fast))
+    assert slow.met and quick.met and quick.time_on_rig_s < slow.time_on_rig_s / 50

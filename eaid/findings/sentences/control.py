@@ -142,6 +142,10 @@ ROWS: dict[str, Row] = {
         "slower or smaller «reference», or gentler gains",
         size="share_pct",
     ),
+    "gains-of-another-fit": caution(
+        "the gains were made from another fit ({path}), and their margins are those of its plant; run eaid tune-rc on "
+        "this one, or compare both"
+    ),
     "controller-cycles": caution(
         "{subject}: its input goes {count} times from one limit to the other, and the reference turns {turns} times: "
         "it cycles, on the noise that it reads or behind a dead time, and holds no output; take another controller, or "

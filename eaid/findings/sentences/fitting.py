@@ -218,7 +218,8 @@ ROWS: dict[str, Row] = {
         "sure for it; hold C unless the data ask for another"
     ),
     "share-by-evidence": note(
-        "the logs reject C = {held:g} and tell C = {C:.3g} ({low:.3g} … {high:.3g}), which the plant has"
+        "the logs reject C = {held:g} and tell C = {C:.3g} ({low:.3g} … {high:.3g}), which the plant now has; a gain "
+        "that fades within the holds and a sensor that is slow look so too"
     ),
     "one-level-linear": caution(
         "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level", rank=1
@@ -494,8 +495,8 @@ ROWS: dict[str, Row] = {
         "exported code, which hold no input, let go with those in the middle of the range"
     ),
     "release-own": note(
-        "falls to rest have {taus_s:.3g} s of their own; these may be those of the lowest input, {edges_s:.3g} s "
-        "(chance {chance:.2g}), which they do not make surer"
+        "falls to rest have {taus_s:.3g} s of their own, next to {edges_s:.3g} s of the lowest input (chance "
+        "{chance:.2g} that they are one), which they do not make surer"
     ),
     "release-alike": note(
         "falls to rest are as fast as the lowest input gives, {edges_s:.3g} s, as far as these logs can tell (chance "

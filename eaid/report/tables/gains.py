@@ -60,7 +60,10 @@ def guarantee_story(gains: Gains) -> list[str]:
     both = None not in (high, low) and None not in (high.needed, low.needed)  # type: ignore[union-attr]
     why = []
     for name, row in rows.items():
-        n, a = number(row.needed, 3), number(row.available, 3)
+        n, a = next(  # of digits as many as tell them apart
+            (n, a) for digits in (3, 5, 9) if (n := number(row.needed, digits)) != (a := number(row.available, digits))
+            or digits == 9
+        )  # fmt: skip
         if both and name == "duty-floor":
             continue
         if both and name == "duty-limit":
