@@ -49,6 +49,7 @@ from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
 from eaid.results.plant import falls_between
 
+OPEN_PART = 1.01  # By which B may lie outside of its range, and nothing is said
 LATER = 0.1  # Part of the dead time by which loops that are designed for a later one say so
 SETTLINGS, STEP_SAMPLES = 5.0, 200_000  # Of a PI's step behind a dead time, that are watched; samples at most
 LARGEST_INPUT = 1e9
@@ -248,7 +249,21 @@ def judged_rc(
     verdict = msgspec.structs.replace(verdict, mendings=mendings(task, settled, pi, verdict))
     phi_holds = next(one.holds for one in verdict.conditions if one.name == "phi")
     told = warnings_of(rc, verdict, own, task.units, "reference" if task.given else task.name)
+    told += range_left_open(task.fit, rc) if verdict.holds else []
     return verdict, msgspec.structs.replace(rc, phi_holds=phi_holds), told
+
+
+def range_left_open(fit: Fit, rc: Robust) -> list[Finding]:
+    """Said where the data leave plants open whose B lies outside of the range that a guarantee speaks of."""
+    linear = fit.linear
+    of_bounds = None if linear is None or linear.bounds is None else linear.bounds.ci95
+    ends = [] if of_bounds is None else [one for one in (of_bounds.B_m, of_bounds.B_M) if one is not None]
+    if not ends and linear is not None and linear.ci95 is not None and (b0 := linear.ci95.b0) is not None and b0[0] > 0:
+        ends = [(1 / b0[1], 1 / b0[0])]
+    low, high = min((one[0] for one in ends), default=np.inf), max((one[1] for one in ends), default=-np.inf)
+    if rc.B_m is None or rc.B_M is None or (low >= rc.B_m / OPEN_PART and high <= rc.B_M * OPEN_PART):
+        return []
+    return [finding("range-left-open", "rc", B_m=rc.B_m, B_M=rc.B_M, low=low, high=high)]
 
 
 def replay_beside(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replayed:

@@ -211,6 +211,15 @@ def test_a_bound_that_sampling_alone_goes_beyond_is_none(judged):
     assert row.available == gains.rc.ultimate_bound_nm < 0.1 * of_plant and row.needed > of_plant
 
 
+def test_what_the_data_leave_open_of_the_range_is_told_beside_a_yes(judged):
+    reference = triangle(1.5, 3.5, 3.0)
+    for ends, said in (([[5.0, 6.1], [5.8, 6.9]], {"low": 5.0, "high": 6.9}), ([[5.59, 5.7], [6.1, 6.21]], None)):
+        bounds = {"B_m": 5.6, "B_M": 6.2, "ci95": {"B_m": ends[0], "B_M": ends[1]}}
+        gains = judged(reference, {"bounds": bounds})
+        told = [one.values for one in gains.findings if one.code == "range-left-open"]
+        assert gains.guarantee.holds and told == ([] if said is None else [{"B_m": 5.6, "B_M": 6.2, **said}])
+
+
 def test_there_is_one_verdict(judged, tmp_path):
     for reference, holds in ((triangle(1.5, 3.5, 3.0), True), (triangle(0.5, 4.95, 8.0), False)):
         gains = judged(reference)

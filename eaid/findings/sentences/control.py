@@ -142,6 +142,10 @@ ROWS: dict[str, Row] = {
         "slower or smaller «reference», or gentler gains",
         size="share_pct",
     ),
+    "range-left-open": caution(
+        "the guarantee speaks of plants whose B lies within {B_m:.4g} … {B_M:.4g}, as fitted; these data leave "
+        "{low:.4g} … {high:.4g} open, and of plants beyond that range it says nothing; more runs narrow it"
+    ),
     "gains-of-another-fit": caution(
         "the gains were made from another fit ({path}), and their margins are those of its plant; run eaid tune-rc on "
         "this one, or compare both"
