@@ -38,6 +38,7 @@ from eaid.recorded.from_logs import Solved, fit_setup, fit_through_levels, idle_
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, find_inputs, input_findings, move_range, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
+from eaid.recorded.limit import goes_beyond, without_largest
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, spread_by_runs
 from eaid.recorded.plant_part import LagsOwn, LevelsOwn, find_own_lags, find_own_levels, intervals, plant_part
 from eaid.results.common import LevelError, Source
@@ -272,7 +273,13 @@ def fit_recorded(
     """
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
     experiment = experiment_of(logs, options or FitOptions(), runs, steps, falls=falls)
-    return fit_of(experiment, chosen_of(experiment, dead_time_s))
+    chosen = chosen_of(experiment, dead_time_s)
+    within = replace(experiment, logs=[without_largest(log) for log in experiment.logs])
+    if any(one.limit != log.limit for one, log in zip(within.logs, experiment.logs, strict=True)):
+        other = chosen_of(within, dead_time_s)
+        if goes_beyond(other, within.logs, experiment.logs):
+            experiment, chosen = within, other
+    return fit_of(experiment, chosen)
 
 
 @dataclass(frozen=True, eq=False)

@@ -157,7 +157,9 @@ def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
         if not low <= np.exp(y) <= high:
             value = float(np.exp(y))
             found.append(finding("step-outside", "sessions", [level], value=value, unit=one.unit, low=low, high=high))
-    kept = tuple(name for name in ("tau1", "tau2") if name not in foreseen)
+    lag = rig.base is not None and rig.base.plant_ is not None and rig.base.plant_.kind == "lag"
+    names = ("tau1",) if lag else ("tau1", "tau2")
+    kept = tuple(name for name in names if name not in foreseen)
     return [*found, finding("kept-from-base", "sessions", parameters=kept)] if kept else found
 
 

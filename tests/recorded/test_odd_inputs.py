@@ -303,3 +303,25 @@ def test_one_tone_that_the_output_follows_is_no_wrong_sign(seed):
     hum_and_drift = 0.03 * np.sin(14 * np.pi * t) + 0.005 * t
     log = RecordedLog("log", t, u, respond(plant, t, u, t) + hum_and_drift + noise)
     assert "idle-not-seen" in codes(fit_recorded([log], FitOptions(model=("nonlinear",))))
+
+
+@pytest.mark.parametrize("noise", [0.005, pytest.param(0.02, marks=pytest.mark.slow)])
+def test_an_output_that_ends_with_noise_behind_its_limit_is_left_out_there(noise):
+    """No row repeats another: T_s at 100 % was a quarter short, "usable", and said to be known to 2 %."""
+    t, random = np.arange(12_000) * 0.01, np.random.default_rng(6)
+    u = np.append(np.zeros(300), np.repeat(np.append(random.choice([20.0, 40.0, 60.0, 80.0, 100.0], 38), 0.0), 300))
+    clean, drawn = respond(REFERENCE_PLANT, t, u, t), noise * random.standard_normal(len(t))
+    limit = 0.75 * float(clean.max())
+    fit = fit_recorded([RecordedLog("log", t, u, np.minimum(clean, limit) + drawn)], FitOptions(model=("nonlinear",)))
+    told = codes(fit)["output-saturates"].values
+    assert told["limit"] == pytest.approx(limit, abs=3 * noise) and told["share_pct"] > 5
+    assert fit.plant.steady(100.0) == pytest.approx(REFERENCE_PLANT.steady(100.0), rel=0.03)
+    whole = fit_recorded([RecordedLog("log", t, u, clean + drawn)], FitOptions(model=("nonlinear",)))
+    assert "output-saturates" not in codes(whole)
+
+
+def test_a_fast_plant_that_comes_to_its_largest_output_at_once_has_no_limit():
+    t, fast = np.arange(6000) * 0.01, replace(LAG, tau1=(0.03,), tau2=(0.03,))
+    u = np.repeat(np.tile([0.0, 50.0, 0.0, 100.0], 15), 100)
+    fit = fit_recorded([log(t, u, fast, 0.002)], FitOptions(model=("nonlinear",)))
+    assert "output-saturates" not in codes(fit) and fit.plant.steady(100.0) == pytest.approx(2.0, rel=0.01)
