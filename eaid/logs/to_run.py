@@ -27,6 +27,9 @@ from eaid.options import ReadOptions
 LARGEST_READING = 1e100
 LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a column of counts, or of another unit
 TOO_COARSE = 0.2  # Part of the stamps that repeat the one before, from which they tell no time
+# Of an input of alternating sign: part by which its size may be off the level, part of the rows that are at it or at
+# rest, turns, changes of its size for each of these, and correlations of the output with it and with its size
+ALIKE, ALTERNATES, FEWEST_TURNS, HELD_PART, GOES_WITH = 0.02, 0.95, 10, 0.25, (0.2, 0.5)
 MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
@@ -93,6 +96,9 @@ def run_of(
     if level is not None and which is not None and not (np.abs(np.abs(input_) - abs(level)) <= 0.02 * abs(level)).any():
         most = float(input_[np.abs(input_).argmax()])
         told.append(finding("level-contradicted", source, level=level, found=most, unit=scale.unit))
+    if which is not None and alternates(input_, output, level):
+        input_ = np.abs(input_)
+        told.append(finding("input-alternates", source, level=float(input_.max()), unit=scale.unit))
     of_role = {"time": clock, "input": which, "output": roles.output, "reference": roles.reference,
                "position": roles.position}  # fmt: skip
     taken = {role: column for role, column in of_role.items() if column is not None}
@@ -112,6 +118,21 @@ def run_of(
             if (at := leaves_rest(values)) is not None
         ), others=beside,
     )  # fmt: skip
+
+
+def alternates(input_: Array, output: Array, level: float | None) -> bool:
+    """Whether an input is of alternating sign only to hold its size, as the voltage of a drive is: that of the `level`
+    which a name tells, or one that is held while its sign turns again and again, and that the output goes with."""
+    size, turns = np.abs(input_), int(np.count_nonzero(np.diff(np.sign(input_[input_ != 0]))))
+    if turns < FEWEST_TURNS or not np.isfinite(size).all() or np.ptp(output) == 0:
+        return False
+    if level is not None:
+        still = (np.abs(size - level) <= ALIKE * level) | (size <= ALIKE * level)
+        return float(still.mean()) >= ALTERNATES
+    if np.count_nonzero(np.abs(np.diff(size)) > ALIKE * size.max()) > HELD_PART * turns:
+        return False
+    by_size, by_sign = (float(np.corrcoef(one, output)[0, 1]) for one in (size, input_))
+    return by_size > GOES_WITH[1] and abs(by_sign) < GOES_WITH[0]
 
 
 def without_switches(runs: Sequence[Run], options: ReadOptions) -> list[Run]:

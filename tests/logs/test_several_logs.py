@@ -480,3 +480,21 @@ def test_levels_may_be_told_by_the_folders_of_the_logs(tmp_path, run_eaid):
     proposed = shlex.split(ran.err[ran.err.index("try: eaid ") :].splitlines()[0].removeprefix("try: eaid "))
     assert ran.code == 3 and "{level}pct-" in proposed and run_eaid(*proposed).code == 0
     assert [level.level for level in eaid.read([tmp_path / "d.h5"]).levels] == [20.0, 60.0]
+
+
+def test_an_alternating_voltage_holds_the_level_that_the_name_tells(tmp_path):
+    """±V at 5 Hz: it was fitted as recorded, of both signs, with one lag; a motor that turns once is none."""
+    for volts in (100, 200):
+        sign = np.where(np.arange(len(T)) % 20 < 10, 1.0, -1.0)
+        (tmp_path / f"V={volts}.csv").write_text(
+            text("time_s,voltage_V,torque_nm", T, volts * sign * (U > 0), np.round(Y * volts / 200, 6))
+        )
+    steps = eaid.read(tmp_path, name_pattern="V={level}")
+    assert [one.level for one in steps.levels] == [100.0, 200.0] and not steps.recorded
+    assert [one.code for run in steps.runs for one in run.findings].count("input-alternates") >= 2
+    both = text("time_s,voltage_V,torque_nm", T, 100.0 * sign * (U > 0), Y)  # the size that the output goes with
+    (tmp_path / "x.csv").write_text(both)
+    assert [one.level for one in eaid.read([tmp_path / "x.csv"]).levels] == [100.0]
+    turned = text("time_s,voltage_V,torque_nm", T, np.where(T < 4.5, 100.0, -100.0) * (U > 0), Y)
+    (tmp_path / "V=100.csv").write_text(turned)
+    assert "input-alternates" not in str(eaid.read([tmp_path / "V=100.csv"], name_pattern="V={level}").all_findings)

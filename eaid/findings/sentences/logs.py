@@ -55,6 +55,10 @@ ROWS: dict[str, Row] = {
     "level-contradicted": caution(
         "its name says level {level:g}, its input column goes to {found:g} {unit}: the column counts"
     ),
+    "input-alternates": note(
+        "the input alternates between plus and minus {level:g} {unit}: its size, which the output follows, is taken "
+        "for what drives it"
+    ),
     "input-is-a-switch": caution(
         "{column} goes to {top:.4g} {unit} in all logs, whose names tell different levels: taken for the switch that "
         "tells when they step"
