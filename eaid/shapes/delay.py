@@ -47,6 +47,7 @@ RISE_PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its s
 FEWEST_ROWS, RISE_TAUS = 6, 30
 START_NOISE = 0.02  # Of the held output: noise that is larger is averaged before a rise's rows are looked for
 SECOND_SAVES = 8.0  # Squares over the noise's by which a second exponential has to leave less of a level
+HARDLY_ANY = 0.1  # Part of the next that the larger half of the levels has, below which the others are not asked
 LATE_EVIDENCE = 30.0  # Twice the logarithm of the likelihood that noise alone hardly makes of a dead time
 # Levels whose dead times tell a ramp, by what factor these differ, and squares about it over those about their mean
 FEWEST_RAMPS, RAMPS_APART, RAMP_PART = 3, 1.5, 0.2
@@ -85,7 +86,7 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
     levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
     law = Law("free", share) if options.held_share in (None, SHARE) else Law("two", share)
     early = theta_s < 0 or (not theta_s and begin_off_rest(levels))
-    if theta_s or early or sum(evidence(level, law) for level in levels) > LATE_EVIDENCE:
+    if theta_s or early or are_late(levels, law):
         # of an input noted late, holds end as much before their noted end
         whole = [one.ended(ENDS_PART * float(one.time_s[-1])) if early else one for one in levels]
         by_curves = find_by_cost(whole, law, white=not early)
@@ -176,6 +177,17 @@ class Law(NamedTuple):
 
 
 ONE = Law("one", 1.0)
+
+
+def are_late(levels: Sequence[Level], law: Law) -> bool:
+    """Whether levels' mean curves ask for a dead time: the larger half of them, and the others where those leave it
+    open."""
+    order = sorted(levels, key=lambda level: -float(np.abs(level.mean).max()))
+    half = (len(order) + 1) // 2
+    found = sum(evidence(level, law) for level in order[:half])
+    if found >= HARDLY_ANY * LATE_EVIDENCE:
+        found += sum(evidence(level, law) for level in order[half:])
+    return found > LATE_EVIDENCE
 
 
 def evidence(level: Level, law: Law) -> float:
