@@ -5,6 +5,7 @@ intervals from the residuals as they are; what the inputs do not fix is said. Lo
 with them as their mean curves, each sample of each repeat alike.
 """
 
+import contextlib
 import statistics
 from collections import Counter
 from collections.abc import Sequence
@@ -14,7 +15,7 @@ import msgspec
 import numpy as np
 
 from eaid.arrays import Array, extremes
-from eaid.errors import UsageError
+from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import map_unknowns, with_intervals
 from eaid.estimate.data import data_of, errors
@@ -276,9 +277,10 @@ def fit_recorded(
     chosen = chosen_of(experiment, dead_time_s)
     within = replace(experiment, logs=[without_largest(log) for log in experiment.logs])
     if any(one.limit != log.limit for one, log in zip(within.logs, experiment.logs, strict=True)):
-        other = chosen_of(within, dead_time_s)
-        if goes_beyond(other, within.logs, experiment.logs):
-            experiment, chosen = within, other
+        with contextlib.suppress(DataError):  # of which too little is left
+            other = chosen_of(within, dead_time_s)
+            if goes_beyond(other, within.logs, experiment.logs):
+                experiment, chosen = within, other
     return fit_of(experiment, chosen)
 
 
