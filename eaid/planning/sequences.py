@@ -303,7 +303,6 @@ def limits_of(options: PlanOptions, duty: tuple[float, float], unit: str, pace: 
     if isinstance(options.limits, Limits):
         return options.limits
     usual = Limits()
-    hold_s, lengths = tuple(pace * end for end in usual.hold_s), {"rest_s": usual.rest_s, "longest_s": usual.longest_s}
-    paced = {"duty": duty, "hold_s": hold_s, **{name: pace * one for name, one in lengths.items()}}
-    given = {**paced, **pairs("«limits»", options.limits)}
+    paced = {"hold_s": tuple(pace * end for end in usual.hold_s), "rest_s": pace * usual.rest_s}
+    given = {"duty": duty, "longest_s": max(pace * usual.longest_s, 1.0), **paced, **pairs("«limits»", options.limits)}
     return replace(keyed(Limits, "«limits»", given), unit=unit)
