@@ -47,3 +47,14 @@ def test_thinned_curves_keep_ends_and_extremes_in_order(n, points, seed):
     t, few = thinned(np.arange(float(n)), y, points)
     assert t[0] == 0 and t[-1] == n - 1 and np.all(np.diff(t) > 0) and np.array_equal(y[t.astype(int)], few)
     assert few.max() == y.max() and few.min() == y.min() and len(few) <= max(points, 2) + 4
+
+
+def test_rows_that_are_not_compared_are_a_gap_of_the_lines():
+    """A straight line was drawn across the rows that an output's limit left out, as if it had been measured."""
+    from eaid.report.figures.replays import broken_at_gaps
+
+    t = np.delete(np.arange(1000) * 0.1, np.arange(300, 400))
+    at, values = broken_at_gaps(t, np.sin(t)[None])
+    assert np.isnan(at).sum() == 1 and np.isnan(values[300]) and len(at) == 901
+    few = np.arange(20.0)
+    assert not np.isnan(broken_at_gaps(few, few[None])).any()

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, median
 from eaid.replay import rehab
 from eaid.report import panels as ink
 from eaid.report.figures.steps import some_of
@@ -15,6 +15,9 @@ from eaid.report.rig import controller_name
 from eaid.results.fit import Fit
 from eaid.results.recorded import LogCurve, LogFit
 from eaid.results.replay import COLUMNS, Replay
+
+# Part of a log, and times the usual time between two drawn rows, from which one without rows is a gap
+GAP_PART, GAP_TIMES = 2 / 150, 5.0
 
 
 def bands(replay: Replay) -> list[ink.Band]:
@@ -125,15 +128,23 @@ def logs_sheet(logs: Sequence[LogFit], units: tuple[str, str]) -> Sheet | None:
     return Sheet(panels, 4.2, columns=n, ratios=(1, 1.6, 1), live=n == 1) if n else None
 
 
+def broken_at_gaps(time_s: Array, rows: Array) -> Array:
+    """Time and rows of values, (1 + k, n), with a break where no row is compared for long: a line across is no data."""
+    apart = np.diff(time_s)
+    longest = max(GAP_PART * float(np.ptp(time_s)), GAP_TIMES * median(apart)) if len(apart) else 0.0
+    return np.insert(np.vstack([time_s, rows]), np.flatnonzero(apart > longest) + 1, np.nan, axis=1)
+
+
 def log_panels(
     curve: LogCurve, units: tuple[str, str], heads: tuple[str, str] = ("", ""), first: bool = True
 ) -> list[Panel]:
     """Input, measured and model, residual of one log over its own time; names and legend beside the `first` alone."""
     t, (unit, out) = np.array(curve.time_s), units
     held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", ink.GREEN, width=0.7)
-    measured = Line(t, np.array(curve.measured), "measured", ink.SKY, width=1.8)
-    model = ink.model_line(t, np.array(curve.model), "model")
-    residual = Line(t, np.array(curve.residual), "residual", ink.VERMILLION, width=0.6)
+    at, recorded, told, left = broken_at_gaps(t, np.array([curve.measured, curve.model, curve.residual]))
+    measured = Line(at, recorded, "measured", ink.SKY, width=1.8)
+    model = ink.model_line(at, told, "model")
+    residual = Line(at, left, "residual", ink.VERMILLION, width=0.6)
     axes = (over(unit), quantity(out), Axis("Residual", out)) if first else (Axis(),) * 3
     return [
         Panel(ink.OF_LOG, axes[0], [held], title=heads[0]),

@@ -4,7 +4,7 @@ import numpy as np
 
 from eaid.arrays import median
 from eaid.report import panels as ink
-from eaid.report.figures.replays import drawn_logs
+from eaid.report.figures.replays import broken_at_gaps, drawn_logs
 from eaid.report.figures.steps import some_of
 from eaid.report.panels import Axis, Line, Panel, Sheet, Span, over
 from eaid.report.rig import level_text
@@ -22,7 +22,8 @@ def residuals(fit: Fit, steps: StepSet | None = None) -> Sheet | None:
     over_time, own, against = list[Line](), list[tuple[Correlation, str]](), list[Line]()
     for log, colour in zip(drawn_logs(fit.logs), LOG_COLOURS, strict=False):
         t, u, e = (np.array(column) for column in (log.curve.time_s, log.curve.input, log.curve.residual))
-        over_time.append(Line(t, e, log.name, colour, width=0.8, alpha=0.7))
+        at, left = broken_at_gaps(t, e[None])
+        over_time.append(Line(at, left, log.name, colour, width=0.8, alpha=0.7))
         against.append(Line(u, e, "", colour, "", marker="o", size=1.5, alpha=0.5))
         own.append((log.correlation, colour))
     steps = fit.samples.steps or steps
