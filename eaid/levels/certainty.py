@@ -198,7 +198,7 @@ class Estimate:
     def without(self, index: int, options: FitOptions) -> Plant:
         """The model by all levels but one, its time constants from where those of all ended."""
         steps, kept = self.solved.steps, [k for k in range(len(self.levels)) if k != index]
-        solved = fit_levels_first(steps.data.only(kept), steps.model.share, [self.solved.x], last=False)
+        solved = fit_levels_first(steps.data.only(kept), steps.model.share, [self.solved.x])
         other = Estimate([self.levels[k] for k in kept], solved)
         _, relative, known = self.curve_by_runs
         if relative is not None:

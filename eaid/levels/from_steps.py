@@ -203,11 +203,9 @@ def fit_linear(data: Data) -> Solution:
 
 
 def fit_levels_first(
-    data: Data, share: float | None, starts: Sequence[Array] | None = None, form: Model | None = None,
-    last: bool = True,
-) -> Solution:  # fmt: skip
-    """T_s of each level, τ1(u), τ2(u), of the nonlinear model or another form, from `starts` or those of a search; not
-    to the `last` digit where it is only to be compared."""
+    data: Data, share: float | None, starts: Sequence[Array] | None = None, form: Model | None = None
+) -> Solution:
+    """T_s of each level, τ1(u), τ2(u), of the nonlinear model or another form, from `starts` or those of a search."""
     model = form or replace(nonlinear(data.u, share), Ts=None)
     steps = StepProblem(data, model, 1 / np.maximum((data.points.y**2).max(axis=1), 1e-300))
     if starts is None:
@@ -225,8 +223,6 @@ def fit_levels_first(
         if np.abs(steps.weight - before.weight).max() <= SAME_WEIGHT * before.weight.max():
             break
         end = approach(steps.problem, end.x, near=SETTLED)
-    if not last:
-        return Solution(steps, end.x, solver_verdict(SETTLED, end.evaluations, (end.cost,)))
     return _conclude(steps, [slsqp(steps.problem, end)])
 
 
