@@ -139,8 +139,10 @@ def log_panels(
     curve: LogCurve, units: tuple[str, str], heads: tuple[str, str] = ("", ""), first: bool = True
 ) -> list[Panel]:
     """Input, measured and model, residual of one log over its own time; names and legend beside the `first` alone."""
-    t, (unit, out) = np.array(curve.time_s), units
-    held = Line(np.repeat(t, 2)[1:], np.repeat(curve.input, 2)[:-1], "input", ink.GREEN, width=0.7)
+    t, u, (unit, out) = np.array(curve.time_s), np.array(curve.input), units
+    new = np.flatnonzero(np.diff(u)) + 1  # its corners alone, of which no thinner line loses one
+    corners_s = np.concatenate([t[:1], np.repeat(t[new], 2), t[-1:]])
+    held = Line(corners_s, np.repeat(u[np.append(0, new)], 2), "input", ink.GREEN, width=0.7)
     at, recorded, told, left = broken_at_gaps(t, np.array([curve.measured, curve.model, curve.residual]))
     measured = Line(at, recorded, "measured", ink.SKY, width=1.8)
     model = ink.model_line(at, told, "model")
