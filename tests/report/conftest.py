@@ -9,6 +9,7 @@ import json
 import re
 import shutil
 import subprocess
+import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -210,22 +211,25 @@ def others(recorded, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def long(tmp_path_factory):
-    """A marked fit of long names, its data, gains and replay."""
-    folder = tmp_path_factory.mktemp("long")
-    logs = folder / "long"
-    levels = ["--levels", "20,60,100", "--repeats", "1", "--hold", "3", "--rate-hz", "50", "--seed", "8"]
-    assert call("synth", *levels, "-o", logs, "-q") == 0
-    for path in sorted(logs.iterdir()):
-        words = path.read_text(encoding="utf-8").replace("duty_pct", "voltage_V")
-        path.with_name(f"20241103_14_51_30_bts_dx=1.5_Fpre=-1g_f=1000_brass_{path.name}").write_text(words)
-        path.unlink()
-    made = [folder / name for name in ("long.json", "long.h5", "long-gains.json", "long-steps.h5")]
-    fit, data, gains, replay = made
-    assert call("ingest", logs, "-o", data, "-q") == 0 and call("fit", data, "-o", fit, "-q") in (0, 4)
-    assert call("tune-rc", fit, "--anyway", "-o", gains, "-q") == 0
-    assert call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0
-    return made
+def long():
+    """A marked fit of long names, its data, gains and replay, in a short folder: the page names it in its commands."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as temporary:
+        folder = Path(temporary)
+        logs = folder / "long"
+        levels = ["--levels", "20,60,100", "--repeats", "1", "--hold", "3", "--rate-hz", "50", "--seed", "8"]
+        assert call("synth", *levels, "-o", logs, "-q") == 0
+        for path in sorted(logs.iterdir()):
+            words = path.read_text(encoding="utf-8").replace("duty_pct", "voltage_V")
+            path.with_name(f"20241103_14_51_30_bts_dx=1.5_Fpre=-1g_f=1000_brass_{path.name}").write_text(words)
+            path.unlink()
+        made = [folder / name for name in ("long.json", "long.h5", "long-gains.json", "long-steps.h5")]
+        fit, data, gains, replay = made
+        assert call("ingest", logs, "-o", data, "-q") == 0 and call("fit", data, "-o", fit, "-q") in (0, 4)
+        assert call("tune-rc", fit, "--anyway", "-o", gains, "-q") == 0
+        assert (
+            call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0
+        )
+        yield made
 
 
 @pytest.fixture(scope="session")
