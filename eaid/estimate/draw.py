@@ -12,7 +12,6 @@ The constraints of the fit (τ1 ≥ 1 ms, τ2 ≥ τ1, T_s ≥ 0 over the identi
 draw that breaks one is drawn again and counted, and after many refusals pulled back along the line to the fit.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -123,22 +122,7 @@ def _by_intervals(part: FittedPlant, n: int, random: "np.random.Generator") -> t
     """Plants of another kind than the clutch's, each number drawn by its own interval."""
     errors = {name: _log_error(part, name) for name in part.numbers}
     each = ({name: float(np.exp(sd * random.standard_normal())) for name, sd in errors.items()} for _ in range(n))
-    return tuple(_with_factors(part.plant, by) for by in each)
-
-
-def _with_factors(p: Plant, by: Mapping[str, float]) -> Plant:
-    """A plant whose numbers are so many times larger, by their names in results."""
-    one = by.get("tau1", 1.0)
-    two, zeta = by.get("tau2", one), p.zeta
-    if zeta is not None:  # τ1, τ2 = a^(∓1)/ω with a = ζ + √(ζ² − 1), where these are real
-        apart = (zeta + float(np.sqrt(max(zeta**2 - 1, 0.0)))) * float(np.sqrt(two / one))
-        zeta = 0.5 * (apart + 1 / apart) if zeta >= 1 else zeta * by.get("zeta", 1.0)
-        one = two = float(np.sqrt(one * two)) / by.get("omega", 1.0)
-    tau1, tau2 = (tuple(factor * c for c in powers) for factor, powers in ((one, p.tau1), (two, p.tau2)))
-    dead_time_s = p.dead_time_s * by.get("dead_time_s", 1.0)
-    return replace(
-        p.scaled(by["gain"]), tau1=tau1, tau2=tau2, C=p.C * by.get("C", 1.0), zeta=zeta, dead_time_s=dead_time_s
-    )
+    return tuple(part.plant.times(by) for by in each)
 
 
 class _Block:
