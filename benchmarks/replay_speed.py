@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.table import Row, paired_medians
 from eaid.control.rc import RCGains, rc_step
-from eaid.options import Rig
+from eaid.options import RigExtras
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, PlantNumbers, plant_numbers
 from eaid.replay.controllers import controller_of, feedback
 from eaid.replay.loop import reference_rate, replay, sensor_noise
@@ -25,7 +25,7 @@ RUNS = 9
 GAINS = RCGains(4.5, 3.0, 12.5, 1.36, 0.08, -2.42, 10.8125, 6.58594648300479, 0.5, 50.0, 5 / 9, 55 / 54)
 """Table IV."""
 RC = feedback(GAINS)
-RIG = Rig(noise_nm=0.01)
+RIG = RigExtras(noise_nm=0.01)
 
 
 class Case:

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 '''
 FROM = {
     "eaid.apparatus": ["Apparatus"],
-    "eaid.api.given": ["Column", "File", "Paths", "Result", "Tables"],
+    "eaid.api.given": ["AnyResult", "File", "GivenTables", "OneColumn", "Paths"],
     "eaid.export.export": ["ExportFolder"],
     "eaid.options": ["Limits"],
     "eaid.progress": ["Progress"],

@@ -7,11 +7,11 @@ from typing import Any, Literal
 
 import pandas
 from numpy.typing import ArrayLike
-from eaid.api.given import Column
+from eaid.api.given import AnyResult
 from eaid.api.given import File
+from eaid.api.given import GivenTables
+from eaid.api.given import OneColumn
 from eaid.api.given import Paths
-from eaid.api.given import Result
-from eaid.api.given import Tables
 from eaid.apparatus import Apparatus
 from eaid.errors import DataError as DataError
 from eaid.errors import EaidError as EaidError
@@ -132,12 +132,12 @@ def export(
     """Controllers and plant as source for a rig, with test vectors and a check program."""
 
 def read(
-    source: Paths | Tables,
+    source: Paths | GivenTables,
     options: ReadOptions | None = None,
     *,
-    time: Column = None,
-    input: Column = None,
-    output: Column = None,
+    time: OneColumn = None,
+    input: OneColumn = None,
+    output: OneColumn = None,
     progress: Progress = ...,
     columns: Mapping[str, Any] | str = {},
     units: Mapping[str, Any] | str = {},
@@ -158,7 +158,7 @@ def read(
     """Read recorded logs and find their steps, levels and repeats."""
 
 def fit(
-    data: StepSet | Paths | Tables | ArrayLike,
+    data: StepSet | Paths | GivenTables | ArrayLike,
     *arrays: ArrayLike | FitOptions,
     options: FitOptions | None = None,
     progress: Progress = ...,
@@ -222,11 +222,11 @@ def synth(
 ) -> StepSet:
     """Synthetic logs of the reference plant, or of a fitted rig in its own units."""
 
-def load(path: File) -> Result | Rig | Comparison:
+def load(path: File) -> AnyResult | Rig | Comparison:
     """A result of any kind from its file, by what the file says of itself."""
 
 def report(
-    *results: Result | File | Sequence[Result | File],
+    *results: AnyResult | File | Sequence[AnyResult | File],
     to: File | None = None,
     options: ReportOptions | None = None,
     force: bool = False,

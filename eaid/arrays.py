@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
 
 
 def read_only(values: ArrayLike) -> Array:
@@ -29,7 +30,7 @@ def scaled_inverse(matrix: Array, rcond: float = 1e-13) -> Array:
     return np.asarray(scale[:, None] * inverse(scale[:, None] * matrix * scale, rcond) * scale)
 
 
-def link(tied: NDArray[np.bool_]) -> NDArray[np.intp]:
+def link(tied: Mask) -> NDArray[np.intp]:
     """Which of n are tied to each other, be it by way of others: the number of its group for each, (n,)."""
     from scipy.sparse.csgraph import connected_components
 

@@ -91,7 +91,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Form:
+class OptionForm:
     """An option's name and type, taken apart: how its values are written and what they may be."""
 
     name: str
@@ -161,7 +161,7 @@ class Form:
             return text
         if kind == tuple[float, float]:
             text = text.replace(":", ",")  # 10:100, or 0,100
-        readers = {tuple[float, ...]: numbers, tuple[float, float]: numbers, Mapping[str, float]: factors,
+        readers = {tuple[float, ...]: comma_numbers, tuple[float, float]: comma_numbers, Mapping[str, float]: factors,
                    Mapping[str, str]: pairs}  # fmt: skip
         if kind in readers:
             return readers[kind](name, text)
@@ -219,21 +219,21 @@ class Form:
         return [f"«{self.name}» {shown}: give a {'whole ' * whole}number {ends}{words}"]
 
 
-def _forms(kind: type) -> dict[str, Form]:
+def _forms(kind: type) -> dict[str, OptionForm]:
     hints, made = typing.get_type_hints(kind), {}
     for one in (one for one in fields(kind) if "option" in one.metadata):
         default = one.default if one.default_factory is MISSING else one.default_factory()
         hint, declared = hints[one.name], one.metadata["option"]
         literal = [each for each in (hint, *typing.get_args(hint)) if typing.get_origin(each) is Literal]
         words = declared.words or tuple(word for each in literal for word in typing.get_args(each))
-        made[one.name] = Form(one.name, hint, default, replace(declared, words=words))
+        made[one.name] = OptionForm(one.name, hint, default, replace(declared, words=words))
     return made
 
 
-forms: Callable[[type], dict[str, Form]] = cache(_forms)  # The options of a set by name
+forms: Callable[[type], dict[str, OptionForm]] = cache(_forms)  # The options of a set by name
 
 
-def chosen(kind: type[O], options: O | None, keywords: Mapping[str, Any]) -> O:
+def given_options(kind: type[O], options: O | None, keywords: Mapping[str, Any]) -> O:
     """Options given whole or by keywords; UsageError for an unknown keyword, or one that contradicts `options`."""
     if options is not None and not isinstance(options, kind):
         raise UsageError(f"options {options!r:.60}: give {kind.__name__}, or keywords")
@@ -254,10 +254,10 @@ def taking(kind: type[Options]) -> Callable[[F], F]:
     def told(function: F) -> F:
         own = inspect.signature(function)
         *kept, keywords = own.parameters.values()
-        kept = [one.replace(annotation=_plain(one.annotation)) for one in kept]
+        kept = [one.replace(annotation=_plain_type(one.annotation)) for one in kept]
         more = keywords_of(kind, own.parameters)
         function.__signature__ = own.replace(  # type: ignore[attr-defined]
-            return_annotation=_plain(own.return_annotation), parameters=kept + [
+            return_annotation=_plain_type(own.return_annotation), parameters=kept + [
                 inspect.Parameter(one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default,
                                   annotation=_Written(one.taken)) for one in more
             ]
@@ -270,7 +270,7 @@ def taking(kind: type[Options]) -> Callable[[F], F]:
     return told
 
 
-def keywords_of(kind: type[Options], own: Iterable[str]) -> list[Form]:
+def keywords_of(kind: type[Options], own: Iterable[str]) -> list[OptionForm]:
     """The options of a set that a function takes by keyword beside its own parameters, the seed last."""
     found = [form for name, form in forms(kind).items() if name not in set(own)]
     return sorted(found, key=lambda form: form.name == "seed")
@@ -283,11 +283,11 @@ class _Written(str):
     __repr__ = str.__str__
 
 
-def _plain(annotation: Any) -> Any:
+def _plain_type(annotation: Any) -> Any:
     return _Written(annotation) if isinstance(annotation, str) else annotation
 
 
-def _words_of(form: Form) -> str:
+def _words_of(form: OptionForm) -> str:
     unsaid = any(word not in form.declared.help for word in form.declared.words)
     return f" {'Of' if form.several else 'One of'} {', '.join(form.declared.words)}." if unsaid else ""
 
@@ -314,7 +314,7 @@ def any_text(_name: str, text: str) -> str:
     return text
 
 
-def numbers(flag: str, text: str) -> tuple[float, ...]:
+def comma_numbers(flag: str, text: str) -> tuple[float, ...]:
     """Numbers with commas between them."""
     try:
         return tuple(float(part) for part in names(flag, text))

@@ -18,7 +18,7 @@ from eaid.errors import UsageError, unknown
 
 Pair = tuple[float, float]
 Numbers = tuple[float, ...]
-Words = tuple[str, ...]
+OptionWords = tuple[str, ...]
 ExperimentKind = Literal["clutch", "friction-force", "friction-speed"]
 EXPERIMENTS: tuple[ExperimentKind, ...] = ("clutch", "friction-force", "friction-speed")
 MODELS = ("friction", "nonlinear", "linear")
@@ -150,7 +150,7 @@ def typed(given: Mapping[str, Any]) -> str:
 class FitOptions(Chance):
     """How steps and recorded logs are fitted."""
 
-    model: Words | None = option(None, "By itself all that the kind allows.", MODEL, words=MODELS)
+    model: OptionWords | None = option(None, "By itself all that the kind allows.", MODEL, words=MODELS)
     share: float | Literal["free"] = option(
         0.85, "C, share of the fast part, held or free.", MODEL, least=0, most=0.999, above=True
     )
@@ -233,7 +233,7 @@ class TuneOptions(Chance):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rig(Options):
+class RigExtras(Options):
     """What a rig adds to the plant of a replay; the default is none of it.
 
     Noise is added to the torque that the controller reads at t_k; its duty waits `delay_samples`, and is latched at the
@@ -246,10 +246,10 @@ class Rig(Options):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulateOptions(Chance, Rig):
+class SimulateOptions(Chance, RigExtras):
     """What is replayed, on what rig, with what limb."""
 
-    controller: Words | None = option(None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS)
+    controller: OptionWords | None = option(None, "By itself rc,pi; sweep adds open-loop.", WHAT, words=CONTROLLERS)
     scenario: str | None = option(None, "By itself multisine.", WHAT, words=SCENARIOS)
     duration: float | None = option(None, "Length of steps, multisine or rehab [s].", WHAT, above=True)
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself the gains', else 1000.", RIG, **RATE)
@@ -275,7 +275,7 @@ class SimulateOptions(Chance, Rig):
 class CoupleOptions(Options):
     """The limb, the timing, the torques and the loops."""
 
-    loops: Words = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
+    loops: OptionWords = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself the gains', or the rig's.", LOOP, **RATE)
     pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP)
     delay_samples: int = option(
@@ -322,7 +322,7 @@ class ExportOptions(Options):
     """Target, laws and timing of an export."""
 
     target: str = option("c", "Language or format.", LOGS, "--as", words="c|arduino|matlab|fmu|yaml")
-    law: Words | None = option(None, "By itself all that the files hold.", LOGS, words=LAWS)
+    law: OptionWords | None = option(None, "By itself all that the files hold.", LOGS, words=LAWS)
     precision: Literal["double", "single"] = option("double", "Of the numbers.", LOGS)
     rate_hz: float | None = option(None, "Control rate, baked in [Hz]; by itself the gains'.", RIG, **RATE)
     duty_on_fault: float = option(0.0, "Duty while an input is no number.", RIG, least=-1e9, most=1e9)
@@ -368,7 +368,7 @@ class PlanOptions(Chance):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Excitation(Options):
+class InputOptions(Options):
     """How the input of one log is made where it does more than step from rest, in the rig's own units."""
 
     kind: str = option("random", "What the input does.", INPUTS, words=EXCITATIONS)
@@ -435,6 +435,6 @@ class SynthOptions(Chance):
 class ReportOptions(Options):
     """How a report is made."""
 
-    figures: Words = option((), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, shown="NAME,…")
+    figures: OptionWords = option((), "Only these: fig07,fig12 or the beginning of a name.", FIGURES, shown="NAME,…")
     tables: Path | None = option(None, "All tables as CSV and LaTeX, in this folder.", FIGURES, shown="DIR")
-    format: Words = option((), "Beside PNG, which is always there.", FIGURES, words="pdf|svg|png")
+    format: OptionWords = option((), "Beside PNG, which is always there.", FIGURES, words="pdf|svg|png")

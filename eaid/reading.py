@@ -18,7 +18,7 @@ from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
 from eaid.logs.folders import logs_meant
 from eaid.logs.formats import ForeignReader, format_of
-from eaid.logs.names import agreeing, chosen, level_and_repeat, pattern_guessed, several_factors, unit_beside
+from eaid.logs.names import agreeing, level_and_repeat, named_like, pattern_guessed, several_factors, unit_beside
 from eaid.logs.read import columns_told, read_like, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.text import read_text
@@ -28,12 +28,12 @@ from eaid.options import ReadOptions, typed
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
 from eaid.steps.build import stepset_of
-from eaid.steps.checks import Record, bridged, of_record, ramp
+from eaid.steps.checks import RecordedWindow, bridged, of_record, ramp
 from eaid.steps.cut import active_low, cut_runs, refuse_percent, settled_steps
 from eaid.steps.onset import let_go, onset
 from eaid.steps.plateaus import AT_REST_BELOW, FEWEST_HELD, fitted_as, plateaus, switching
 from eaid.steps.repeats import counted_once
-from eaid.steps.step import Step
+from eaid.steps.step import Cut
 from eaid.steps.stepset import StepSet
 
 MOSTLY_STILL = 0.9  # Part of a log that stands still where it is at rest throughout
@@ -60,7 +60,7 @@ def read_steps(
         columns(sentence)
     how = replace(options, logs_as="steps") if command == "ingest" else options  # what is not cut is refused there
     try:
-        return steps_of(runs, how, faults, [path for path in paths if path.is_file()])
+        return steps_in(runs, how, faults, [path for path in paths if path.is_file()])
     except DataError as fault:
         more = _proposal(files, runs, options, fault.sentences)
         try_ = f"try: eaid {command} {shlex.join(map(str, paths))} {more}"
@@ -198,7 +198,7 @@ def blank(run: Run, top: float) -> bool:
 
 def mostly_ramps(steps: Sequence[Run]) -> bool:
     """Whether most steps' inputs are on their way while the output makes much of its change: logs are fitted whole."""
-    rises = [Step(run) for run in steps if run.edge == "rising" and run.has_input and run.kind in (None, "clutch")]
+    rises = [Cut(run) for run in steps if run.edge == "rising" and run.has_input and run.kind in (None, "clutch")]
     ramps = [step for step in rises if (told := ramp(step)) is not None and told.code == "input-ramps-on"]
     return 2 * len(ramps) > len(rises)
 
@@ -206,12 +206,12 @@ def mostly_ramps(steps: Sequence[Run]) -> bool:
 def read_whole(paths: Sequence[Path], options: ReadOptions, before: Mapping[str, Any]) -> list[Run]:
     """Whole logs, read as those of a fit were `before` where nothing else is said."""
     runs = read_like(paths, options, before)
-    return [bridged(Record(run)) for run in runs] if options.repair or before.get("repair") else runs
+    return [bridged(RecordedWindow(run)) for run in runs] if options.repair or before.get("repair") else runs
 
 
 def to_be_recorded(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
     """Logs that are fitted as they were recorded, with what is to be said of each."""
-    found = [bridged(Record(run)) if options.repair else run for run in runs]
+    found = [bridged(RecordedWindow(run)) if options.repair else run for run in runs]
     for k, run in enumerate(found):
         if run.has_input:
             refuse_percent(run, (np.abs(run.input) > 110, "beyond 100 by more than noise"))
@@ -220,11 +220,11 @@ def to_be_recorded(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
     return counted_once(found)
 
 
-def steps_of(
+def steps_in(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
-    how, runs = options.logs_as, chosen(runs, options.where)
+    how, runs = options.logs_as, named_like(runs, options.where)
     asked, (runs, more) = list(_asked(runs, how)), _ended(runs)
     if asked or more:
         raise DataError(*faults, *asked, *more)
@@ -243,7 +243,7 @@ def steps_of(
         raise DataError(*faults, *more)
     if how == "auto" and (two_sided(steps) or mostly_ramps(steps)):
         uncut, whole, steps = [*uncut, *whole], [], []
-    steps = counted_once([bridged(Step(run)) for run in steps] if options.repair else steps)
+    steps = counted_once([bridged(Cut(run)) for run in steps] if options.repair else steps)
     rises = Counter(run.source for run in steps if run.edge == "rising" and run.from_level == 0)
     several = max(rises.values(), default=0) > 2 and not any(run.cut for run in whole)
     swept = to_be_recorded(whole, options) if how == "auto" and several else []
@@ -257,6 +257,6 @@ def steps_of(
     inputs = tuple((str(path), sha256_of(path)) for path in paths)
     return steps, replace(
         stepset, recorded=tuple(uncut), level_steps=each, findings=about, inputs=inputs, reading=options.stated(),
-        logs=tuple(bridged(Record(run)) if options.repair and run.has_input else run for run in whole),
+        logs=tuple(bridged(RecordedWindow(run)) if options.repair and run.has_input else run for run in whole),
         steps=tuple(steps), swept=tuple(swept),
     )  # fmt: skip

@@ -17,11 +17,11 @@ from eaid.shown import pandas
 from eaid.steps.stepset import StepSet
 
 T = TypeVar("T")
-Result = Fit | Gains | Replay | StepSet | Coupling
+AnyResult = Fit | Gains | Replay | StepSet | Coupling
 File = str | os.PathLike[str]
 Paths = File | Iterable[File]
-Tables: TypeAlias = "pandas.DataFrame | Sequence[pandas.DataFrame] | Mapping[str, Any]"
-Column = str | int | None
+GivenTables: TypeAlias = "pandas.DataFrame | Sequence[pandas.DataFrame] | Mapping[str, Any]"
+OneColumn = str | int | None
 
 
 def tables_in(source: Any) -> "pandas.DataFrame | Mapping[str, pandas.DataFrame] | None":
@@ -50,7 +50,7 @@ def table_of_arrays(columns: Any) -> "pandas.DataFrame":
         raise DataError(f"arrays by column: {said}; give as many values of time, input and output") from None
 
 
-def measured(data: Any, arrays: Sequence[Any], options: FitOptions | None) -> tuple[Any, FitOptions | None]:
+def given_data(data: Any, arrays: Sequence[Any], options: FitOptions | None) -> tuple[Any, FitOptions | None]:
     """What `fit` was given by place: data and options, or time, input and output."""
     if arrays and isinstance(arrays[-1], FitOptions):
         *arrays, options = arrays
@@ -73,7 +73,7 @@ def paths_in(source: Any) -> list[Path]:
         raise UsageError(f"{shown}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
 
 
-def held(value: Any) -> Any:
+def as_result(value: Any) -> Any:
     """A result, or what its file holds."""
     from eaid.report.results import read_result
 
@@ -82,7 +82,7 @@ def held(value: Any) -> Any:
 
 def result_of(name: str, value: Any, kind: type[T]) -> T:
     """A result of a kind, or what its file holds."""
-    found = held(value)
+    found = as_result(value)
     if not isinstance(found, kind):
         said = f"{value} holds {type(found).__name__}" if found is not value else f"is a {type(value).__name__}"
         made = {"Gains": "eaid.tune_rc", "Rig": "eaid.sessions"}.get(kind.__name__, "eaid.fit")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from eaid.api.given import File, Paths, paths_in, result_of
-from eaid.declared import chosen, taking
+from eaid.declared import given_options, taking
 from eaid.errors import UsageError
 from eaid.options import SCENARIOS, TRACKED, CoupleOptions, ExportOptions, ReadOptions, SimulateOptions, TuneOptions
 from eaid.progress import Progress, no_progress
@@ -71,7 +71,7 @@ def tune_rc(
     from eaid.replay.references import signal_of
     from eaid.replay.tune import tune
 
-    fit, how = result_of("fit", fit, Fit), chosen(TuneOptions, options, keywords)
+    fit, how = result_of("fit", fit, Fit), given_options(TuneOptions, options, keywords)
     if reference is None or (isinstance(reference, str) and reference in TRACKED):
         return tune(fit, how, reference, reference or "")
     named = str(reference) if isinstance(reference, str | os.PathLike) else "as given"
@@ -148,7 +148,7 @@ def simulate(
     fit, gains = result_of("fit", fit, Fit), None if gains is None else result_of("gains", gains, Gains)
     names, own = own_controllers(controller)
     given = {"scenario": scenario, "controller": names}
-    how = chosen(SimulateOptions, options, {k: v for k, v in given.items() if v is not None} | keywords)
+    how = given_options(SimulateOptions, options, {k: v for k, v in given.items() if v is not None} | keywords)
     if sum(given is not None for given in (how.scenario, reference, log)) > 1:
         raise UsageError("«scenario», «reference» and «log» exclude each other; give one of them")
     if reading is not None and log is None:
@@ -207,7 +207,7 @@ def couple(
     from eaid.coupling.couple import couple as walls
 
     fit, gains = result_of("fit", fit, Fit), None if gains is None else result_of("gains", gains, Gains)
-    return walls(fit, gains, chosen(CoupleOptions, options, keywords), progress)
+    return walls(fit, gains, given_options(CoupleOptions, options, keywords), progress)
 
 
 @taking(ExportOptions)
@@ -262,4 +262,4 @@ def export(
 
     gains = None if gains is None else result_of("gains", gains, Gains)
     fit = None if fit is None else result_of("fit", fit, Fit)
-    return exported(gains, fit, chosen(ExportOptions, options, keywords), Path(output_dir), force)
+    return exported(gains, fit, given_options(ExportOptions, options, keywords), Path(output_dir), force)

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from eaid.api.given import Column, File, Paths, Tables, measured, paths_in, result_of, tables_in
+from eaid.api.given import File, GivenTables, OneColumn, Paths, given_data, paths_in, result_of, tables_in
 from eaid.arrays import median
-from eaid.declared import chosen, forms, taking
+from eaid.declared import forms, given_options, taking
 from eaid.errors import DataError, UsageError
 from eaid.findings import say
 from eaid.options import FitOptions, PlanOptions, ReadOptions, SynthOptions
 from eaid.progress import Progress, no_progress
-from eaid.reading import read_steps, steps_of
+from eaid.reading import read_steps, steps_in
 from eaid.results.fit import Fit
 from eaid.results.plan import Excitation, Plan
 from eaid.steps.stepset import StepSet
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 # Times by which a plant may explain the logs of its steps worse than these, and scatter of ln τ1 that no clutch has
 WORSE_PLAYED, RUNS_APART = 1.7, 0.3
-MOST_LEFT_OUT = 0.2  # Part of the runs that spikes may leave out before it is asked what to do with them
+MOST_RUNS_LEFT_OUT = 0.2  # Part of the runs that spikes may leave out before it is asked what to do with them
 
 
 @taking(ReadOptions)
 def read(
-    source: "Paths | Tables",
+    source: "Paths | GivenTables",
     options: ReadOptions | None = None,
     *,
-    time: Column = None,
-    input: Column = None,
-    output: Column = None,
+    time: OneColumn = None,
+    input: OneColumn = None,
+    output: OneColumn = None,
     progress: "Progress" = no_progress,
     **keywords: Any,
 ) -> StepSet:
@@ -81,18 +81,18 @@ def read(
     columns = {role: str(name) for role, name in given.items() if name is not None}
     if columns and "columns" in keywords:
         raise UsageError(f"«columns»: {next(iter(columns))}= says a column too; say all columns in one place")
-    how = chosen(ReadOptions, options, {**({"columns": columns} if columns else {}), **keywords})
+    how = given_options(ReadOptions, options, {**({"columns": columns} if columns else {}), **keywords})
     tables = tables_in(source)
     if tables is not None:
         from eaid.logs.read import runs_from_frames
 
-        return steps_of(runs_from_frames(tables, how), how)[1]
+        return steps_in(runs_from_frames(tables, how), how)[1]
     return read_steps(paths_in(source), how, progress)[1]
 
 
 @taking(FitOptions)
 def fit(
-    data: "StepSet | Paths | Tables | ArrayLike",
+    data: "StepSet | Paths | GivenTables | ArrayLike",
     *arrays: "ArrayLike | FitOptions",
     options: FitOptions | None = None,
     progress: "Progress" = no_progress,
@@ -137,12 +137,12 @@ def fit(
     >>> bool(low < fit.params[("friction", "tau1(100)")] < high)
     True
     """
-    source, options = measured(data, arrays, options)
+    source, options = given_data(data, arrays, options)
     if of_reading := [name for name in keywords if name in forms(ReadOptions) and name not in forms(FitOptions)]:
         raise UsageError(
             f"«{of_reading[0]}»: says how logs are read; give it to eaid.read, and what that returns to fit"
         )
-    how = chosen(FitOptions, options, keywords)
+    how = given_options(FitOptions, options, keywords)
     steps = source if isinstance(source, StepSet) else read(source, progress=progress)
     _ask(steps)
     from eaid.levels.asks import asks_for_another_kind
@@ -208,7 +208,7 @@ def _ask(steps: StepSet) -> None:
     """DataError for logs that no fit holds with before one reading option more is given."""
     found = {one.code: one for one in steps.all_findings}
     left_out = [one for run in steps.runs if run.left_out for one in run.findings if one.code == "spikes"]
-    if len(left_out) > MOST_LEFT_OUT * len(steps.runs):
+    if len(left_out) > MOST_RUNS_LEFT_OUT * len(steps.runs):
         found["spikes"] = left_out[0]
     assumed = found.get("unit-assumed")
     asked = (
@@ -271,7 +271,7 @@ def plan(
     from eaid.planning.sequences import shortest_recording
 
     fit = result_of("fit", fit, Fit)
-    how = chosen(PlanOptions, options, keywords)
+    how = given_options(PlanOptions, options, keywords)
     with progress("simulated recordings", 0) as advance:
         return (shortest_recording if excitation else plan_recordings)(fit, how, advance)
 
@@ -314,6 +314,6 @@ def synth(plant: "Fit | File | None" = None, options: SynthOptions | None = None
     """
     from eaid.synth.synthesize import synthesize
 
-    how = chosen(SynthOptions, options, keywords)
+    how = given_options(SynthOptions, options, keywords)
     runs = synthesize(how, None if plant is None else result_of("plant", plant, Fit))
-    return steps_of(runs, ReadOptions(logs_as="auto" if how.duty_file or how.excitation else "steps"))[1]
+    return steps_in(runs, ReadOptions(logs_as="auto" if how.duty_file or how.excitation else "steps"))[1]

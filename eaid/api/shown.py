@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eaid.api.given import File, Paths, Result, held, paths_in, result_of
+from eaid.api.given import AnyResult, File, Paths, as_result, paths_in, result_of
 from eaid.api.models import read
-from eaid.declared import chosen, taking
+from eaid.declared import given_options, taking
 from eaid.errors import UsageError
 from eaid.options import CompareOptions, ReadOptions, ReportOptions, SessionsOptions
 from eaid.progress import Progress, no_progress
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from eaid.sessions.rig import Rig
 
 
-def load(path: File) -> "Result | Rig | Comparison":
+def load(path: File) -> "AnyResult | Rig | Comparison":
     """A result of any kind from its file, by what the file says of itself.
 
     Parameters
@@ -52,13 +52,13 @@ def load(path: File) -> "Result | Rig | Comparison":
     """
     if not isinstance(path, str | os.PathLike):
         raise UsageError(f"path: is a {type(path).__name__}; give the file of a result")
-    result: Result | Rig | Comparison = held(path)
+    result: AnyResult | Rig | Comparison = as_result(path)
     return result
 
 
 @taking(ReportOptions)
 def report(
-    *results: "Result | File | Sequence[Result | File]",
+    *results: "AnyResult | File | Sequence[AnyResult | File]",
     to: "File | None" = None,
     options: ReportOptions | None = None,
     force: bool = False,
@@ -100,12 +100,12 @@ def report(
     from eaid.report.results import gathered
     from eaid.report.write import write_report
 
-    how = chosen(ReportOptions, options, keywords)
+    how = given_options(ReportOptions, options, keywords)
     each: list[Any] = [one for some in results for one in (some if isinstance(some, list | tuple) else [some])]
     folder = each.pop() if to is None and each else to
     if not isinstance(folder, str | os.PathLike):
         raise UsageError("«to»: name the folder of the page, as report(fit, gains, to='report')")
-    return write_report(gathered(list(map(held, each))), Path(folder), how, force)[0]
+    return write_report(gathered(list(map(as_result, each))), Path(folder), how, force)[0]
 
 
 def plot(result: "Fit | Gains | Replay | Rig | Comparison", ax: Any = None) -> Any:
@@ -137,8 +137,8 @@ def plot(result: "Fit | Gains | Replay | Rig | Comparison", ax: Any = None) -> A
     >>> eaid.plot(fit).get_xlabel()
     'Time since the step (s)'
     """
-    from eaid.report.paper import plot as drawn
     from eaid.report.paper import plot_residuals
+    from eaid.report.paper import plot_result as drawn
     from eaid.sessions.compare import Comparison
     from eaid.sessions.rig import Rig
 
@@ -200,7 +200,7 @@ def sessions(
     from eaid.sessions.gather import read_sessions, table_values
     from eaid.sessions.rig import rig_of_fits, rig_of_table
 
-    how = chosen(SessionsOptions, options, keywords)
+    how = given_options(SessionsOptions, options, keywords)
     if hasattr(data, "columns"):
         return rig_of_table(table_values(data), how)  # type: ignore[arg-type]
     if isinstance(data, Mapping):
@@ -306,9 +306,9 @@ def compare(
     from eaid.logs.read import read_like
     from eaid.sessions.compare import Comparison, compare_fits
 
-    how = chosen(CompareOptions, options, keywords)
-    first, gains = held(first), None if gains is None else result_of("gains", gains, Gains)
-    others = tuple(held(one) if str(one).endswith(".json") else one for one in others)
+    how = given_options(CompareOptions, options, keywords)
+    first, gains = as_result(first), None if gains is None else result_of("gains", gains, Gains)
+    others = tuple(as_result(one) if str(one).endswith(".json") else one for one in others)
     if not isinstance(first, Fit | Replay):
         raise UsageError(f"first: is a {type(first).__name__}; give a fit or a replay, or its file")
     if not others:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import typer
 
 from eaid.cli import console
-from eaid.declared import Declaration, Form, Options, as_typed, forms, option, part
+from eaid.declared import Declaration, OptionForm, Options, as_typed, forms, option, part
 from eaid.errors import DataError, UsageError
 from eaid.options import CHANCE, ReadOptions
 
@@ -99,12 +99,12 @@ def refuse_idle(args: Options, names: Sequence[str], because: str) -> None:
 PLAIN_TYPES = (bool, Path, list[Path])  # Types that Typer hands over; all else it hands over as a text
 
 
-def _default(form: Form) -> Any:
+def _default(form: OptionForm) -> Any:
     """A default as Typer hands it over."""
     return form.default if form.parts[0] in PLAIN_TYPES else as_typed(form.default) or None
 
 
-def _parameter(form: Form) -> inspect.Parameter:
+def _parameter(form: OptionForm) -> inspect.Parameter:
     """One parameter as Typer wants it."""
     declared, placed = form.declared, form.declared.group == PLACE
     default = ... if form.default is MISSING else _default(form)
@@ -124,7 +124,7 @@ def _parameter(form: Form) -> inspect.Parameter:
     )
 
 
-def _metavar(form: Form) -> str:
+def _metavar(form: OptionForm) -> str:
     """What stands behind the option: the words where they are few, else WORD; nothing behind a switch."""
     declared, kind, number = form.declared, form.parts[0], float in form.parts
     if declared.levels:
@@ -136,7 +136,7 @@ def _metavar(form: Form) -> str:
     return words if len(words) <= SHORT_LIST else "WORD,…" if form.several else "WORD|NUMBER" if number else "WORD"
 
 
-def _typed_words(shown: Sequence[Form], typed: Mapping[str, Any]) -> tuple[str, ...]:
+def _typed_words(shown: Sequence[OptionForm], typed: Mapping[str, Any]) -> tuple[str, ...]:
     """The arguments and options as they were typed, those left at their defaults not."""
     kept = [form for form in shown if form.declared.group != OUTPUT and form.declared.kept]
     placed = [str(one) for form in kept if form.declared.group == PLACE for one in _values(typed[form.name])]
@@ -147,7 +147,7 @@ def _values(value: Any) -> list[Any]:
     return value if isinstance(value, list) else [] if value is None else [value]
 
 
-def _named(form: Form, value: Any) -> list[str]:
+def _named(form: OptionForm, value: Any) -> list[str]:
     """An option as it was typed; nothing of one that was left at its default."""
     if value in (None, [], _default(form)):
         return []

@@ -41,10 +41,10 @@ def ingest(
     from eaid.reading import read_steps
 
     refuse_to_overwrite(output, args.force, files_read(logs))
-    runs, stepset = read_steps(logs, reading, console.progress, console.warn, console.say, "ingest")
+    runs, stepset = read_steps(logs, reading, console.progress, console.warn, console.aloud, "ingest")
     if write_manifest:
         at = write(files_of(logs), {**stepset.reading, "kind": stepset.kind}, args.force)
-        console.say(f"{at}: written; eaid ingest {at.parent} needs no options now")
+        console.aloud(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     tell_result(args, ingested(stepset), steps_shown(stepset), (), "ingest")
     console.done(output, counts(stepset), ("fit", output))
@@ -80,7 +80,7 @@ def fit(
         refuse_to_overwrite(output, args.force)
         data = _follow(data, reading, follow, against, plan)
     refuse_to_overwrite(output, args.force, files_read(data))
-    stepset = read_steps(data, reading, console.progress, console.warn, console.say)[1]
+    stepset = read_steps(data, reading, console.progress, console.warn, console.aloud)[1]
     result = stamped(eaid.fit(stepset, how, progress=console.progress), args)
     result.save(output, args.force)
     lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {_next(result, output)}"
@@ -92,7 +92,7 @@ def fit(
     tell_result(args, result, shown, result.findings)
     models = ("friction", "nonlinear", "linear", "release", "steps")
     parts = ", ".join(name for name in models if getattr(result, name)) or "no model"
-    console.say(f"{output}: {parts} of {runs(result, f'{result.data.kind} run')}")
+    console.aloud(f"{output}: {parts} of {runs(result, f'{result.data.kind} run')}")
     return exit_code_of(result, output)
 
 
@@ -117,17 +117,17 @@ def _follow(
     from eaid.sessions.follow import followed
     from eaid.sessions.rig import Rig
 
-    rig = codec.read(against, Rig)[0] if against is not None else None
-    console.say("following; Ctrl-C ends it with the fit")
+    rig = codec.read_as(against, Rig)[0] if against is not None else None
+    console.aloud("following; Ctrl-C ends it with the fit")
     unread = set[Path]()
     try:
         for line in followed(data, reading, silence_s, unread, rig, plan):
-            console.say(on_command_line(line))
+            console.aloud(on_command_line(line))
     except KeyboardInterrupt:
-        console.say("followed to here; fitting")
+        console.aloud("followed to here; fitting")
     if not unread:
         return data
-    console.say(f"left out: {', '.join(sorted(file.name for file in unread))}")
+    console.aloud(f"left out: {', '.join(sorted(file.name for file in unread))}")
     return [file for file in files_of(data) if file not in unread]
 
 
@@ -160,7 +160,7 @@ def plan(
         refuse_idle(args, ("idle_s", "release_s", "longest_hold_s", "most_levels"), "with --excitation")
     else:
         refuse_idle(args, ("limits",), "without --excitation")
-    fitted, warnings = codec.read(fit, eaid.Fit)
+    fitted, warnings = codec.read_as(fit, eaid.Fit)
     for path in files:
         refuse_to_overwrite(path, args.force, (fit,))
     plan = eaid.plan(fitted, how, excitation=excitation, progress=console.progress)
@@ -175,7 +175,7 @@ def plan(
         for file, lines in zip(parts, contents, strict=True):
             file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     tell_result(args, plan, plan_shown(plan), (*warnings, *plan.findings))
-    console.say(f"{', '.join(map(str, files))}: {cost(plan)}")
+    console.aloud(f"{', '.join(map(str, files))}: {cost(plan)}")
 
 
 @takes
@@ -202,7 +202,7 @@ def synth(
         refuse_to_overwrite(output, args.force, inputs)
     else:
         refuse_folder(output, args.force, is_synthetic, "eaid synth", inputs)
-    fit, warnings = codec.read(fit_file, eaid.Fit) if fit_file is not None else (None, ())
+    fit, warnings = codec.read_as(fit_file, eaid.Fit) if fit_file is not None else (None, ())
     named = "" if fit_file is None else f"{fit_file} (sha256 {Input.of(fit_file).sha256[:12]})"
     runs = synthesize(how, fit, named)
     (write if is_dataset else write_folder)(output, runs, args.force)

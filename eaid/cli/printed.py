@@ -12,7 +12,7 @@ from eaid.results.plan import Excitation, Plan
 from eaid.shown import counted
 from eaid.steps.stepset import Level, StepSet
 
-MOST_STEPS = 20  # Steps from level to level that are listed; all are in the file and in --json
+MOST_LISTED_STEPS = 20  # Steps from level to level that are listed; all are in the file and in --json
 
 
 def steps_shown(data: StepSet) -> Iterator[str | Table]:
@@ -23,9 +23,9 @@ def steps_shown(data: StepSet) -> Iterator[str | Table]:
     yield f"{data.kind}: {counts(data)}, {rate} Hz{made}"
     between = [step for step in data.level_steps if step.from_level != 0.0 and step.level != 0.0]
     yield levels_recorded(data)
-    yield between_levels(between[:MOST_STEPS], data)
-    if len(between) > MOST_STEPS:
-        yield f"and {len(between) - MOST_STEPS} more"
+    yield between_levels(between[:MOST_LISTED_STEPS], data)
+    if len(between) > MOST_LISTED_STEPS:
+        yield f"and {len(between) - MOST_LISTED_STEPS} more"
     yield slips_table(data)
     for one in data.all_findings:
         said = on_command_line(say(one))

@@ -62,9 +62,9 @@ def today(
     from eaid.sessions.rig import Rig
     from eaid.sessions.today import reading_of, today
 
-    known, warnings = codec.read(rig, Rig)
+    known, warnings = codec.read_as(rig, Rig)
     refuse_to_overwrite(output, args.force, [rig, *files_read(steps)])
-    data = read_steps(steps, reading_of(known, reading), console.progress, console.warn, console.say)[1]
+    data = read_steps(steps, reading_of(known, reading), console.progress, console.warn, console.aloud)[1]
     fit = stamped(today(known, data), args)
     fit.save(output, args.force)
     one = next(found for found in fit.findings if found.code == "for-today")
@@ -74,7 +74,7 @@ def today(
     values = [line for line in answer(fit)[1:] if not line.startswith(("used", "logs"))]
     shown = [*map(on_command_line, verdict_line(fit)), f"today   {say(one)}", *map(on_command_line, values), after]
     tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
-    console.say(f"{output}: a fit for today")
+    console.aloud(f"{output}: a fit for today")
     return exit_code_of(fit, output)
 
 
@@ -103,7 +103,7 @@ def compare(
     if len(files) < 2:
         raise UsageError(f"{files[0]} alone: give another session's fit.json, or the log of a loop, behind it")
     refuse_to_overwrite(output, args.force, [*files, *filter(None, [gains])])
-    tuned, warnings = codec.read(gains, eaid.Gains) if gains else (None, ())
+    tuned, warnings = codec.read_as(gains, eaid.Gains) if gains else (None, ())
     results: list[Any] = []
     for path in files:
         if path.suffix == ".json" or path == files[0]:
@@ -122,4 +122,4 @@ def compare(
     lines = [*map(on_command_line, found.lines()), f"next    eaid {shlex.join(after)}"]
     tables = (shifts_table(found), changes_table(found)) if args.verbose else ()
     tell_result(args, found, [*lines, *tables], [*warnings, *found.findings])
-    console.say(f"{output}: the comparison")
+    console.aloud(f"{output}: the comparison")

@@ -27,7 +27,7 @@ import numpy as np
 
 from eaid.apparatus import Apparatus
 from eaid.control.design import Design, robust_of
-from eaid.control.gains import Bounds
+from eaid.control.gains import RangeOfB
 from eaid.control.kinds import Law, rc_law
 from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, holds
 from eaid.control.pi import PIGains, pi_gains
@@ -44,7 +44,7 @@ LAYER = 0.11  # Half width of the paper's boundary layer over the torque at 100 
 OVERSHOOT_PCT, SETTLING_S = 1.0, 0.27  # What the paper's PI was meant to reach (§V-B)
 SLOWER = 1.5  # Factor on a settling time, or on ε, that the sampled loop cannot have
 SLIGHTLY = SLOWER**0.25  # The same where only a gain larger than the fitted one keeps the loop from its margins
-MOST_STEPS = 40
+MOST_BISECTIONS = 40
 PARTS_OF_PI = (0.5, 0.25, 0.1)  # Of the PI's slopes, that an RC is given in turn where its own are too quick
 LONG = 1.0  # Dead time over 1/a0 beyond which there is no robust controller
 
@@ -194,7 +194,7 @@ def quickest(
     timings = [msgspec.structs.replace(timing, delay_samples=each * timing.delay_samples) for each in wrong]
     for overshoot_pct in (OVERSHOOT_PCT, 0.0):
         settling_s = SETTLING_S / pace
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_BISECTIONS):
             try:
                 pi = law(*pi_gains(model, overshoot_pct, settling_s))
             except GainsError:  # slower than integral control alone
@@ -230,7 +230,7 @@ def beyond_rc(model: LinearPlant, timing: Timing, options: TuneOptions) -> str |
 
 
 def workable_rc(
-    model: LinearPlant, design: Design, scales: Scales, bounds: Bounds, points: Sequence[Point], pi: PIGains
+    model: LinearPlant, design: Design, scales: Scales, bounds: RangeOfB, points: Sequence[Point], pi: PIGains
 ) -> Design:
     """The design with a boundary layer, and if need be K_P and K_D, that the loop can have; as it is where none is."""
     options, timing = design.options, design.timing
@@ -246,7 +246,7 @@ def workable_rc(
             tried.append(replace(design, K_P=part * pi.K_I / B_hat, K_D=K_D))
     for one in tried:
         wider = one
-        for _ in range(MOST_STEPS):
+        for _ in range(MOST_BISECTIONS):
             law = rc_law(model, robust_of(model, bounds, wider), wider.duty_limits_pct)
             if (factor := slower_by(law, points, [timing], *least)) == 1:
                 return wider

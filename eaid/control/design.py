@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.control.gains import Bounds
+from eaid.control.gains import RangeOfB
 from eaid.options import TuneOptions
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import LinearPlant
@@ -50,7 +50,7 @@ class Design:
     timing: Timing
 
 
-def robust_of(model: LinearPlant, bounds: Bounds, design: Design) -> Robust:
+def robust_of(model: LinearPlant, bounds: RangeOfB, design: Design) -> Robust:
     """The robust controller that a design gives on a model, φ not yet held against anything."""
     options, B_m, B_M, K_P, K_D = design.options, bounds.B_m, bounds.B_M, design.K_P, design.K_D
     wanted, pooled, minimax = options.b_hat, 1 / model.b0, 2 * B_m * B_M / (B_m + B_M)
@@ -121,7 +121,7 @@ def ultimate_bound_nm(
     return math.sqrt(level * Q11 / (Q11 * Q22 - Q12**2)) if math.isfinite(level) else None
 
 
-def phi_needed(model: LinearPlant, bounds: Bounds, plant: Plant | None) -> float | None:
+def phi_needed(model: LinearPlant, bounds: RangeOfB, plant: Plant | None) -> float | None:
     """The largest |η − η̂| [% duty] that the data show; None where the fit holds neither a nonlinear model nor levels.
 
     By the plant over its steps between identified duties and from rest: u − η̂(T), as far as it lies outside B Ṫ over B
@@ -151,7 +151,7 @@ def phi_needed(model: LinearPlant, bounds: Bounds, plant: Plant | None) -> float
     return most
 
 
-def seen_top_nm(bounds: Bounds, plant: Plant | None) -> float | None:
+def seen_top_nm(bounds: RangeOfB, plant: Plant | None) -> float | None:
     """The highest torque [N·m] of which `phi_needed` tells."""
     if plant is None:
         return max((row.gain for row in bounds.rows), default=None)

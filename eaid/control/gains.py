@@ -16,11 +16,11 @@ from eaid.results.models import LinearLevel
 from eaid.results.verdict import unphysical
 
 SLOWEST_A0, FASTEST_A0 = 1e-6, 1e6  # a0 of anything that is controlled by samples [1/s]
-LARGEST_NUMBER = 1e15  # b0, its inverse and c0 of any rig, whatever its units
+LARGEST_B0 = 1e15  # b0, its inverse and c0 of any rig, whatever its units
 
 
 @dataclass(frozen=True)
-class Bounds:
+class RangeOfB:
     """The range of B and where it comes from."""
 
     B_m: float  # [%·s/(N·m)]
@@ -44,7 +44,7 @@ def physical(linear: LinearPlant) -> LinearPlant:
         )
     if not b0 > 0:
         raise GainsError(f"the fit's b0 is {b0:.4g}; more input has to give more output, check the sign of the data")
-    if not (SLOWEST_A0 <= a0 <= FASTEST_A0 and max(b0, 1 / b0, abs(c0)) <= LARGEST_NUMBER):
+    if not (SLOWEST_A0 <= a0 <= FASTEST_A0 and max(b0, 1 / b0, abs(c0)) <= LARGEST_B0):
         raise GainsError(
             f"the fit's a0 is {a0:.4g} 1/s, its b0 is {b0:.4g} and its c0 {c0:.4g}, which no rig has that samples "
             "control; check the time column and the units of the data"
@@ -52,7 +52,7 @@ def physical(linear: LinearPlant) -> LinearPlant:
     return linear
 
 
-def bounds_of(fit: Fit) -> Bounds:
+def range_of_b(fit: Fit) -> RangeOfB:
     """B_m and B_M as fitted; a range that is not positive is refused (GainsError)."""
     linear = fit.linear
     if linear is None or linear.bounds is None:
@@ -75,7 +75,7 @@ def bounds_of(fit: Fit) -> Bounds:
         raise GainsError(
             "a level has no positive b0, so the range of B touches 0; leave it out of the fit with «bounds_levels»"
         )
-    return Bounds(B_m, B_M, tuple(rows))
+    return RangeOfB(B_m, B_M, tuple(rows))
 
 
 LARGEST_GAIN = 1e30  # Of any gain, and of the inverse of one that has to be positive, whatever the rig's units

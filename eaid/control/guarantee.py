@@ -112,9 +112,9 @@ def guarantee_of(rc: Robust, grounds: Grounds) -> Guarantee:
     span = NEED_ROUNDING * (high - low)
     conditions = [
         Condition("rho", rc.rho_covers, needed_rho, rc.rho.constant, per_s),
-        Condition("phi", _within(grounds.phi, rc.phi_honest_pct), grounds.phi, rc.phi_honest_pct, unit),
-        Condition("range", _within(reach, grounds.top_nm) or None, reach, grounds.top_nm, grounds.units[1]),
-        Condition("Q_M", _within(slope, rc.Q_M), slope, rc.Q_M, per_s),
+        Condition("phi", _suffices(grounds.phi, rc.phi_honest_pct), grounds.phi, rc.phi_honest_pct, unit),
+        Condition("range", _suffices(reach, grounds.top_nm) or None, reach, grounds.top_nm, grounds.units[1]),
+        Condition("Q_M", _suffices(slope, rc.Q_M), slope, rc.Q_M, per_s),
         Condition("duty-limit", None if most is None else most <= high + span, finite(most), high, unit),
         Condition("duty-floor", None if least is None else least >= low - span, finite(least), low, unit),
         _sampled(rc, grounds),
@@ -128,7 +128,7 @@ def guarantee_of(rc: Robust, grounds: Grounds) -> Guarantee:
     return Guarantee(False if False in verdicts else None if None in verdicts else True, tuple(conditions))
 
 
-def _within(needed: float | None, available: float | None) -> bool | None:
+def _suffices(needed: float | None, available: float | None) -> bool | None:
     return None if needed is None or available is None else bool(needed <= available * (1 + NEED_ROUNDING))
 
 

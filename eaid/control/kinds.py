@@ -20,7 +20,7 @@ from eaid.results.gains import PI, Robust
 
 Law = RCGains | PIGains | PIFeedforwardGains | SmithGains
 # step(gains, state, reference, reference_rate, torque, dt) → (next state, duty)
-Step = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
+ControllerStep = Callable[[Any, Any, float, float, float, float], tuple[Any, float]]
 
 
 def rc_law(model: LinearPlant, rc: Robust, limits_pct: tuple[float, float]) -> RCGains:
@@ -39,7 +39,7 @@ class LawKind:
     name: str  # As commands and files have it
     title: str  # As readers have it
     gains: type  # What its step takes, floats only, the limits of the duty last
-    step: Step
+    step: ControllerStep
     # Model, what a file holds of it, limits → what its step takes
     law: Callable[[LinearPlant, Any, tuple[float, float]], Law]
     shown: Mapping[str, str] = field(default_factory=dict)  # Its numbers in a table, and how they are written
@@ -64,7 +64,7 @@ CONTROLLER_ROWS = (
 LAW_KINDS: dict[str, LawKind] = {row.name: row for row in CONTROLLER_ROWS}
 
 
-def kind_of(gains: Law) -> LawKind:
+def row_of_gains(gains: Law) -> LawKind:
     """The row of what a step takes."""
     return next(row for row in CONTROLLER_ROWS if isinstance(gains, row.gains))
 

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from eaid.arrays import Array, median
-from eaid.control.kinds import LAW_KINDS, Law, kind_of
+from eaid.control.kinds import LAW_KINDS, Law, row_of_gains
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import GainsError
@@ -184,7 +184,7 @@ def law_around(gains: Law, torque_nm: float, duty_pct: float) -> tuple[Any, floa
     The PI is linear as it stands. Of any other, by central differences of its step: at rest e = 0 and the integral
     stands where the law gives that duty; far from the middle of the robust controller's layer the slope differs.
     """
-    kind = kind_of(gains)
+    kind = row_of_gains(gains)
     if kind.around is not None:
         return kind.around(gains), 0.0
     if isinstance(gains, PIGains):

@@ -51,7 +51,7 @@ ROOT_CLOSE = 1e-15  # Share of itself to which a root is found
 INWARD = 1e-12  # By what share of itself p is drawn inward: where the settling time jumps, rounding must not undo it
 
 
-class Loop(NamedTuple):
+class PIErrorStep(NamedTuple):
     """The error after a unit step of the reference, (s + a0)/(s² + p s + q), by the roots of its denominator:
     e(t) = e^(s2 t) (1 + (s1 + a0) (e^(d t) − 1)/d), d = s1 − s2."""
 
@@ -60,7 +60,7 @@ class Loop(NamedTuple):
     s2: complex
 
     @classmethod
-    def of(cls, a0: float, p: float, q: float) -> "Loop":
+    def of(cls, a0: float, p: float, q: float) -> "PIErrorStep":
         """p > 0 and q > 0."""
         s1 = -p / 2 - cmath.sqrt(p * p / 4 - q)
         return cls(a0, s1, q / s1)
@@ -114,7 +114,7 @@ def step_metrics(model: LinearPlant, K_P: float, K_I: float) -> tuple[float, flo
         # No integral: the error ends at a0/p and stays there.
         rest = model.a0 / p
         return 0.0, math.log((1 - rest) / (BAND - rest)) / p if rest < BAND else math.inf
-    loop = Loop.of(model.a0, p, q)
+    loop = PIErrorStep.of(model.a0, p, q)
     return 100 * loop.overshoot(), loop.settling_s()
 
 
@@ -125,7 +125,7 @@ def _q_of_overshoot(a0: float, p: float, overshoot: float) -> float:
         return low
 
     def above(q: float) -> float:
-        return Loop.of(a0, p, q).overshoot() - overshoot if q > low else -overshoot
+        return PIErrorStep.of(a0, p, q).overshoot() - overshoot if q > low else -overshoot
 
     high = max(low, p * p, a0 * a0)
     while above(high) < 0:
@@ -148,7 +148,7 @@ def pi_gains(model: LinearPlant, overshoot_pct: float, settling_s: float) -> tup
     a0, share = model.a0, overshoot_pct / 100
 
     def settles(p: float) -> float:
-        return Loop.of(a0, p, _q_of_overshoot(a0, p, share)).settling_s()
+        return PIErrorStep.of(a0, p, _q_of_overshoot(a0, p, share)).settling_s()
 
     # A loop with overshoot settles in about 4/σ or less; p from the open loop's up to far above what the time asks.
     low = a0 * (1 + 1e-9)

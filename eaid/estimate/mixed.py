@@ -186,7 +186,7 @@ class Further:
 
 
 REML_STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
-MOST_STEPS, SHORTEST_STEP, NO_GAIN = 60, 2.0**-20, 1e-12  # Fisher's scoring: steps, least part of one, no gain
+MOST_SCORING_STEPS, SHORTEST_STEP, NO_GAIN = 60, 2.0**-20, 1e-12  # Fisher's scoring: steps, least part of one, no gain
 
 
 def fit_restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
@@ -201,7 +201,7 @@ def fit_restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
 def _score(values: MixedValues, v: Array) -> tuple[float, Array]:
     """The least −log L by Fisher's scoring from v, components that would fall below 0 held there; and where it is."""
     cost, slope, expected = values.likelihood(v)
-    for _ in range(MOST_STEPS):
+    for _ in range(MOST_SCORING_STEPS):
         free = (v > 0) | (slope < 0)
         step, share = np.zeros(len(v)), 1.0
         step[free] = -np.linalg.pinv(expected[np.ix_(free, free)], hermitian=True) @ slope[free]

@@ -18,7 +18,8 @@ from eaid.estimate.spread import LevelScatter, satterthwaite, t_quantile
 from eaid.findings import Finding, Value, finding
 from eaid.steps.stepset import Level
 
-SURE = 1e-4  # Part of T_s below which nothing scatters
+LAG_OFF = 0.08  # Of ln τ, from which a lag is told to lie off its curve: that of one run scatters by 5 %
+NO_SCATTER = 1e-4  # Part of T_s below which nothing scatters
 # Twice the logarithm of how much likelier levels with a scatter of their own are, from which it is told: one in 200
 SCATTER_SEEN = 6.6
 AT_REST = 0.02  # Part of the largest output up to which that of a level stays at rest
@@ -51,7 +52,7 @@ def gain_shifts(level: Level, f: Array) -> Array:
 def levels_about(Ts: Array, size: Array, D: Array, of_logs: Array) -> MixedLine:
     """T_s of L levels by themselves over the curve's `size`, whose rows are D (L, p); `of_logs` is the covariance of
     their logarithms, (L, L)."""
-    W = (of_logs + SURE**2 * np.eye(len(Ts))) * np.outer(Ts / size, Ts / size)
+    W = (of_logs + NO_SCATTER**2 * np.eye(len(Ts))) * np.outer(Ts / size, Ts / size)
     return fit_restricted(MixedValues(Ts / size, D / size[:, None], W, (np.eye(len(Ts)),)))
 
 
@@ -62,7 +63,7 @@ def pull_to_line(
     of runs tell what sweeps have in common."""
     each = np.eye(len(size))
     ahead = line.further(line.values.X, each[None], each[None])
-    mean, degrees = np.maximum(ahead.mean, SURE), ahead.degrees(each, known)
+    mean, degrees = np.maximum(ahead.mean, NO_SCATTER), ahead.degrees(each, known)
     variance = np.diagonal(ahead.covariance) / mean**2
     if gains is not None and (shared := float(gains.common[0])) > 0:  # what sweeps shift alike
         parts, sweeps = (variance, np.full(len(size), shared)), float(gains.degrees.max())

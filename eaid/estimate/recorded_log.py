@@ -16,7 +16,7 @@ from eaid.steps.step import GAP_ROWS
 from eaid.steps.stepset import StepSet
 
 IDLE_ROWS = 10  # Fewest rows at rest before the first other one that make an idle start
-ROUNDED = 1e-8  # Steps of time that differ by less than this part are alike
+SAME_TIME_STEP = 1e-8  # Steps of time that differ by less than this part are alike
 MOST_PARTS, PART_ROWS = 8, 50  # Parts that gaps make of a log at most, and rows of each at least
 NOISY_REST = 5e-3  # An input below rest by this part of its largest, or …
 NOISY = 6.0  # … so many deviations of its noise …
@@ -62,7 +62,7 @@ class RecordedLog:
         """Time from row to row [s] where only rounding tells the steps apart, else None."""
         steps = np.diff(self.time_s)
         usual = float(self.time_s[-1] - self.time_s[0]) / len(steps)
-        return usual if max(float(steps.max()) - usual, usual - float(steps.min())) <= ROUNDED * usual else None
+        return usual if max(float(steps.max()) - usual, usual - float(steps.min())) <= SAME_TIME_STEP * usual else None
 
     @property
     def dt_s(self) -> Array:
@@ -73,7 +73,7 @@ class RecordedLog:
             return found
         steps = np.diff(self.time_s)
         usual = median(steps)
-        return np.append(np.where(np.abs(steps - usual) <= ROUNDED * usual, usual, steps), 0.0)
+        return np.append(np.where(np.abs(steps - usual) <= SAME_TIME_STEP * usual, usual, steps), 0.0)
 
     @cached_property
     def usual_s(self) -> float:
@@ -172,7 +172,7 @@ def changes_in_gaps(log: RecordedLog) -> NDArray[np.intp]:
     return np.flatnonzero((np.diff(log.time_s) > GAP_ROWS * log.usual_s) & (np.diff(log.input) != 0))
 
 
-def parts_of(log: RecordedLog) -> list[RecordedLog]:
+def split_at_gaps(log: RecordedLog) -> list[RecordedLog]:
     """A log in parts where its input changed within a gap: when is not known, nor what the states behind it are; a
     loop's, whose law needs it whole, in one."""
     steps, gaps = np.diff(log.time_s), changes_in_gaps(log)

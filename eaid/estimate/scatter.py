@@ -14,14 +14,13 @@ Levels of a single run show a in their distance to a polynomial through the leve
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq, nnls
 from scipy.special import fdtrc
 
-from eaid.arrays import Array, inverse, median
+from eaid.arrays import Array, Mask, inverse, median
 from eaid.estimate.forms import RECORDS, RECORDS_FREE
 from eaid.estimate.spread import FEW_DEGREES, LevelScatter
 from eaid.plant.dynamics import TAU_FLOOR_S, Step
@@ -29,7 +28,6 @@ from eaid.plant.steps import step_slopes
 from eaid.results.models import Noise
 from eaid.steps.stepset import Level, RunRecord
 
-Mask: TypeAlias = NDArray[np.bool_]
 # Parameters of one level, in the order of every array here; C only where it was free
 LEVEL_NAMES = ("Ts", "tau1", "tau2", "C")
 CURVES = LEVEL_NAMES[:3]

@@ -155,7 +155,7 @@ def _along(A: Array, b: Array, gradient: Array, curvature: Array) -> Array:
     return np.asarray(d - free.T @ (back.T @ (back @ (free @ (gradient + curvature @ d)))))
 
 
-SETTLED = 1e-12  # A solve has ended where the Newton step predicts less than this part of the cost
+SOLVE_SETTLED = 1e-12  # A solve has ended where the Newton step predicts less than this part of the cost
 FTOL = 1e-13  # SLSQP's own stopping rule, relative to the cost at the start of the round
 # Where a Newton step predicts less than a little of the cost, SLSQP stops at a step that gains no more than that
 ENDS, LITTLE = 1.5, 1e-5
@@ -184,7 +184,7 @@ def slsqp(problem: Problem, near: EndPoint) -> EndPoint:
     for _ in range(SLSQP_ROUNDS):
         x, (cost, gradient, curvature) = near.x, problem.normal(near.x)
         step = newton_step(problem, x, gradient, curvature)
-        if step.decrease <= SETTLED * cost or not np.isfinite(step.decrease):
+        if step.decrease <= SOLVE_SETTLED * cost or not np.isfinite(step.decrease):
             break
         held |= set(step.active)
         ftol = ENDS * step.decrease / cost if step.decrease <= LITTLE * cost else FTOL
@@ -310,7 +310,7 @@ def polish(
         x, cost, gradient = reached, lower, slope
         step = newton_step(problem, x, gradient, problem.curvature(x))
     predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
-    if step.decrease <= SETTLED * cost and (np.abs(step.d) <= LAST_STEP_PART * np.abs(x)).all():
+    if step.decrease <= SOLVE_SETTLED * cost and (np.abs(step.d) <= LAST_STEP_PART * np.abs(x)).all():
         x = draw_back_inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do
     near = np.flatnonzero(problem.A @ x - problem.b < rounding(problem))
     return EndPoint(x, cost, evaluations), predicted, tuple(sorted({*step.active, *near.tolist()}))

@@ -18,7 +18,7 @@ from eaid.estimate.points import Points, level_normal
 from eaid.plant.dynamics import TAU_FLOOR_S
 from eaid.plant.steps import rise
 
-SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)  # Where a free C starts from
+START_SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)  # Where a free C starts from
 TABLE_SIZE = 140  # Time constants of the table
 LONGEST_RECORDS = 30.0  # The longest, in records
 TRIED_VALUES = 5  # Values tried at each input
@@ -115,7 +115,7 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
     some = slice(None, None, 1 + (len(weight) - 1) // MOST_LEVELS)
     one, two = (model.tau1.rows(data.u[some]) @ inverse for inverse in back)
     starts = []
-    for share in SHARES if model.share is None else (model.share,):
+    for share in START_SHARES if model.share is None else (model.share,):
         table = gain_table(data.points, share)
         coarse = GainTable(table.grid, table.gain[some])
 

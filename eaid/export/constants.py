@@ -73,17 +73,17 @@ def decimal(value: Any) -> str:
 
 def commented(lines: list[str], before: str) -> str:
     """The head's lines behind a comment mark; nothing in them can end the comment."""
-    return "\n".join((before + harmless(line)).rstrip() for line in lines)
+    return "\n".join((before + in_comment(line)).rstrip() for line in lines)
 
 
-def harmless(text: str) -> str:
+def in_comment(text: str) -> str:
     """A text of one line that ends no comment and goes on to no next line, whatever a file or a unit is called."""
     return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *").rstrip("\\ ")
 
 
 def unit_name(text: str) -> str:
     """A unit as any language may hold it: one short word, no quotes."""
-    return harmless(re.sub(r"[\"'\\{}<>]", "", text))[:20] or UNKNOWN
+    return in_comment(re.sub(r"[\"'\\{}<>]", "", text))[:20] or UNKNOWN
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def namespace(entries: Entries, series: tuple[Any, ...]) -> SimpleNamespace:
 
 
 @dataclass(frozen=True)
-class Rig:
+class RigInfo:
     """What every law needs to know of the rig beside its gains."""
 
     dt_s: float
@@ -155,7 +155,7 @@ class Rig:
         )
 
 
-def pi_constants(gains: PIGains, rig: Rig) -> Entries:
+def pi_constants(gains: PIGains, rig: RigInfo) -> Entries:
     """Constants of the PI."""
     i, o = rig.input, rig.output
     return (
@@ -165,7 +165,7 @@ def pi_constants(gains: PIGains, rig: Rig) -> Entries:
     )
 
 
-def rc_constants(gains: RCGains, rig: Rig) -> Entries:
+def rc_constants(gains: RCGains, rig: RigInfo) -> Entries:
     """Constants of the robust controller."""
     g, i, o = gains, rig.input, rig.output
     return (
@@ -186,7 +186,7 @@ def rc_constants(gains: RCGains, rig: Rig) -> Entries:
     )
 
 
-def plant_constants(plant: Plant, rig: Rig) -> Entries:
+def plant_constants(plant: Plant, rig: RigInfo) -> Entries:
     """Constants of the plant; polynomials of the duty, lowest power first. What a kind does not have is left out."""
     p, i, o = plant_numbers(plant), rig.input, rig.output
     rows = [("", p.pieces[0], "T_s(u), Eq. (7)")]
@@ -238,7 +238,7 @@ def plant_constants(plant: Plant, rig: Rig) -> Entries:
     )
 
 
-def flows(plant: Plant, rig: Rig) -> Entries:
+def flows(plant: Plant, rig: RigInfo) -> Entries:
     """Φ − 1, by which both states move from where they rest, over each part of a sample."""
     _, before, after = rig.dead_time(plant)
     tau = plant_terms(plant_numbers(plant), plant.u_range[1])[0]
@@ -252,7 +252,7 @@ def flows(plant: Plant, rig: Rig) -> Entries:
     )
 
 
-def inverse_constants(plant: Plant, limits: tuple[float, float], rig: Rig) -> Entries:
+def inverse_constants(plant: Plant, limits: tuple[float, float], rig: RigInfo) -> Entries:
     """Constants of the inverse between the duty limits."""
     gone = -math.expm1(-OBSERVER_PER_S * rig.dt_s)
     kept = 1.0 - gone
@@ -267,14 +267,14 @@ def inverse_constants(plant: Plant, limits: tuple[float, float], rig: Rig) -> En
     )  # fmt: skip
 
 
-def rate_constants(rig: Rig) -> Entries:
+def rate_constants(rig: RigInfo) -> Entries:
     """Constants of the filtered derivative."""
     memory = math.exp(-2 * math.pi * rig.rate_filter_hz * rig.dt_s)
     return Entry("memory", memory), Entry("gain", (1.0 - memory) / rig.dt_s, "1/s")
 
 
 def constants_of(
-    loops: Mapping[str, Law], plant: Plant | None, limits: tuple[float, float], laws: tuple[str, ...], rig: Rig
+    loops: Mapping[str, Law], plant: Plant | None, limits: tuple[float, float], laws: tuple[str, ...], rig: RigInfo
 ) -> dict[str, Entries]:
     """Constants of each law, and of the rate's filter, in the target's precision; UsageError where one is too large."""
     made = {

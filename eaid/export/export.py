@@ -10,8 +10,8 @@ from eaid.control.gains import plant_of
 from eaid.control.margins import margins, operating_points, points_of
 from eaid.errors import EaidError, GainsError
 from eaid.export.constants import constants_of
-from eaid.export.job import Job, Source, head_of, laws_of, rig_for, source_of, vectors
-from eaid.export.targets import MARK, TARGETS, VECTOR_COLUMNS
+from eaid.export.job import Job, Origin, head_of, laws_of, rig_for, source_of, vectors
+from eaid.export.targets import MADE_BY, TARGETS, VECTOR_COLUMNS
 from eaid.files import folder_written_whole, refuse_folder, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops
 from eaid.options import ExportOptions
@@ -23,7 +23,7 @@ from eaid.results.verdict import PLANT_MODELS
 
 NOTICED_IDLE = 0.01  # Idle output of which is told, as a part of the largest
 # Files of an export, beside the sketch that is named as its folder
-NAMES = re.compile(r"eaid_\w+\.\w+|(vectors|check|parameters)\.\w+|Makefile|README\.md")
+MADE_FILES = re.compile(r"eaid_\w+\.\w+|(vectors|check|parameters)\.\w+|Makefile|README\.md")
 
 
 def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
@@ -37,12 +37,12 @@ def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
     short = {one.subject for one in gains.findings if one.code == "margin-missed"}
     laws = tuple(
         law for law in source.laws
-        if law not in short and not stops(_findings(source, (law,), source.made_for.rate_hz, plain))
+        if law not in short and not stops(_warnings(source, (law,), source.made_for.rate_hz, plain))
     )  # fmt: skip
     return () if not {"pi", "rc"} & set(laws) else None if laws == source.laws else laws
 
 
-def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
+def _warnings(source: Origin, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
     low, high = source.limits
     if not low <= options.duty_on_fault <= high:
         yield finding(
@@ -57,7 +57,7 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
         idle = 0.0 if source.plant is None else source.plant.idle
         yield finding("export-sign-turned", "torque", idle=idle, unit=source.units[1])
     if {"pi", "rc"} & set(laws) and source.gains is not None:
-        yield from _gains(source, source.gains, laws, rate_hz)
+        yield from _gains_of_laws(source, source.gains, laws, rate_hz)
     if {"inverse", "plant"} & set(laws):
         subject = "plant" if "plant" in laws else "inverse"
         if source.fit is not None and (why := source.fit.verdict.of(*PLANT_MODELS).sentence):
@@ -73,7 +73,7 @@ def _findings(source: Source, laws: tuple[str, ...], rate_hz: float, options: Ex
                 yield finding("export-from-rest", subject, idle=plant.idle, unit=source.units[1])
 
 
-def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
+def _gains_of_laws(source: Origin, gains: Gains, laws: tuple[str, ...], rate_hz: float) -> Iterator[Finding]:
     made_hz = source.made_for.rate_hz
     other_rate = abs(rate_hz - made_hz) > 1e-6 * made_hz
     yield from _unstable(source, gains, laws, rate_hz, other_rate)
@@ -102,7 +102,7 @@ def _gains(source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float) 
 
 
 def _unstable(
-    source: Source, gains: Gains, laws: tuple[str, ...], rate_hz: float, other_rate: bool
+    source: Origin, gains: Gains, laws: tuple[str, ...], rate_hz: float, other_rate: bool
 ) -> Iterator[Finding]:
     """Each loop around held duties of the plant, else on the linear model, at the rate that is baked in."""
     kept = gains.margins.points if gains.margins and not other_rate else ()
@@ -124,8 +124,8 @@ def _unstable(
 
 def is_export(path: Path, ends: bytes) -> bool:
     """Whether a file, by its name, its first and last bytes, is one of an export."""
-    named = NAMES.fullmatch(path.name) or path.name == f"{path.resolve().parent.name}.ino"
-    return bool(named) and (MARK in ends or ends.startswith(VECTOR_COLUMNS.encode()))
+    named = MADE_FILES.fullmatch(path.name) or path.name == f"{path.resolve().parent.name}.ino"
+    return bool(named) and (MADE_BY in ends or ends.startswith(VECTOR_COLUMNS.encode()))
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ def export(
     laws = laws_of(source, options)
     rig = rig_for(source, options)
     constants = constants_of(source.loops, source.plant, source.limits, laws, rig)
-    findings = ranked(_findings(source, laws, 1.0 / rig.dt_s, options))
+    findings = ranked(_warnings(source, laws, 1.0 / rig.dt_s, options))
     if grave := stops(findings):
         if not options.anyway:
             raise GainsError(*(f"{say(one)}; «anyway» exports it all the same, marked" for one in grave))
@@ -178,5 +178,5 @@ def fit_beside(gains: Gains, path: Path) -> Path | None:
         return None
     for candidate in (path.parent / named.path, path.parent / Path(named.path).name, Path(named.path)):
         if candidate.is_file() and sha256_of(candidate) == named.sha256:
-            return candidate if plant_of(codec.read(candidate, Fit)[0]) is not None else None
+            return candidate if plant_of(codec.read_as(candidate, Fit)[0]) is not None else None
     return None

@@ -10,7 +10,7 @@ from eaid.control.gains import law_of, plant_of, refuse_other_units
 from eaid.control.kinds import Law
 from eaid.errors import UsageError, in_python
 from eaid.export import reference
-from eaid.export.constants import SERIES, Entries, Rig, decimal, harmless, namespace, rounded, unit_name
+from eaid.export.constants import SERIES, Entries, RigInfo, decimal, in_comment, namespace, rounded, unit_name
 from eaid.findings import Finding, finding, say
 from eaid.options import LAWS, ExportOptions
 from eaid.plant.dynamics import Plant, plant_numbers, plant_terms
@@ -26,11 +26,11 @@ GO_ON, RESET, BUMPLESS = 0, 1, 2  # What comes before a row's step: nothing, a r
 CASE_ROWS = 60  # Rows of the longest case
 TONES_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)  # Of the multisine
 REFERENCES: dict[str, Any] = {"pi": reference.PI, "rc": reference.RC, "inverse": reference.Inverse}
-Row = tuple[str, int, float, float, float, float]
+Check = tuple[str, int, float, float, float, float]
 
 
 @dataclass(frozen=True)
-class Source:
+class Origin:
     """Gains and plant in plain types, with their units and what is known of them."""
 
     gains: Gains | None
@@ -66,7 +66,7 @@ class Source:
         return max((model.b0 * self.limits[1] + model.c0) / model.a0, 1e-3)
 
 
-def source_of(gains: Gains | None, fit: Fit | None) -> Source:
+def source_of(gains: Gains | None, fit: Fit | None) -> Origin:
     """Both in plain types; UsageError where there is neither."""
     if fit is not None:
         refuse_other_units(fit, gains)
@@ -75,11 +75,11 @@ def source_of(gains: Gains | None, fit: Fit | None) -> Source:
         timing = gains.margins.timing if gains.margins else Timing()
         units = gains.input_unit, gains.output_unit
         loops = {name: law for name in gains.laws if (law := law_of(gains, name)) is not None}
-        return Source(gains, fit, loops, plant, gains.duty_limits_pct, units, timing)
+        return Origin(gains, fit, loops, plant, gains.duty_limits_pct, units, timing)
     if fit is None:
         raise UsageError("nothing to export: give gains, or a fit with a nonlinear model")
     units = fit.data.input_unit, fit.data.output_unit
-    return Source(None, fit, {}, plant, input_limits(fit), units, Timing(control_rate(fit)))
+    return Origin(None, fit, {}, plant, input_limits(fit), units, Timing(control_rate(fit)))
 
 
 class Vector(NamedTuple):
@@ -96,7 +96,7 @@ class Vector(NamedTuple):
     status: int
 
 
-def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[Vector]:
+def vectors(constants: Mapping[str, Entries], top: float, rig: RigInfo) -> Iterator[Vector]:
     """All rows of all laws; `top` is the largest torque of the rig [output unit]."""
     series = rounded(SERIES[rig.precision], rig.precision)
     nothing = rounded(0.0, rig.precision)
@@ -118,7 +118,7 @@ def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[
                 yield Vector(law, "rate", before, wanted, nothing, nothing, nothing, slope, 0)
         else:
             controller = REFERENCES[law](c)
-            for case, before, *numbers in _rows(top, float(c.dt), float(c.duty_min), float(c.duty_max)):
+            for case, before, *numbers in _checks(top, float(c.dt), float(c.duty_min), float(c.duty_max)):
                 wanted, slope, torque, duty = (rounded(number, rig.precision) for number in numbers)
                 if before == RESET:
                     controller.reset()
@@ -128,7 +128,7 @@ def vectors(constants: Mapping[str, Entries], top: float, rig: Rig) -> Iterator[
                 yield Vector(law, case, before, wanted, slope, torque, duty, given, controller.status)
 
 
-def _rows(top: float, dt: float, low: float, high: float) -> Iterator[Row]:
+def _checks(top: float, dt: float, low: float, high: float) -> Iterator[Check]:
     torque = 0.0
     for k in range(CASE_ROWS):
         wanted = top * (0.1, 0.4, 0.2)[k * 3 // CASE_ROWS]
@@ -167,7 +167,7 @@ def _duties(high: float, delay: int) -> Iterator[tuple[str, int, float]]:
 class Job:
     """What every target's templates draw on."""
 
-    rig: Rig
+    rig: RigInfo
     laws: tuple[str, ...]
     # Law, and `rate` where there is a controller → its constants, rounded
     constants: Mapping[str, Entries]
@@ -179,7 +179,7 @@ class Job:
     limits: tuple[float, float]  # Of the duty
 
 
-def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
+def laws_of(source: Origin, options: ExportOptions) -> tuple[str, ...]:
     """The laws to export, in one order; UsageError where one is asked for that the inputs do not hold."""
     wanted = options.law if options.law is not None else source.laws
     for law in wanted:
@@ -195,14 +195,19 @@ def laws_of(source: Source, options: ExportOptions) -> tuple[str, ...]:
     return tuple(law for law in LAWS if law in wanted)
 
 
-def rig_for(source: Source, options: ExportOptions) -> Rig:
+def rig_for(source: Origin, options: ExportOptions) -> RigInfo:
     """Sample time, precision and units."""
     rate = options.rate_hz or float(f"{source.made_for.rate_hz:.9g}")  # of a log's stamps, which round
-    return Rig(1.0 / rate, options.precision, float(options.duty_on_fault), *map(unit_name, source.units))
+    return RigInfo(1.0 / rate, options.precision, float(options.duty_on_fault), *map(unit_name, source.units))
 
 
 def head_of(
-    source: Source, laws: tuple[str, ...], rig: Rig, findings: Sequence[Finding], command: str, inputs: Sequence[Input]
+    source: Origin,
+    laws: tuple[str, ...],
+    rig: RigInfo,
+    findings: Sequence[Finding],
+    command: str,
+    inputs: Sequence[Input],
 ) -> tuple[str, ...]:
     """What every file says of itself at its head."""
     origins = [f"{one.path}, sha256 {one.sha256}" for one in inputs] or [
@@ -220,4 +225,4 @@ def head_of(
         f"{source.units[1]}",
         *(f"{one.severity}: {in_python(say(one))}" for one in findings),
     ]
-    return tuple(harmless(line) for line in lines)
+    return tuple(in_comment(line) for line in lines)

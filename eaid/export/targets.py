@@ -23,7 +23,7 @@ from eaid.shown import input_word, output_word
 from eaid.synth.files import input_column
 
 # Every file of an export bears it near its beginning, an FMU at its end, vectors.csv its columns instead
-MARK = b", made by eaid "
+MADE_BY = b", made by eaid "
 COMPILER_FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 Files = Iterator[tuple[str, str | bytes]]
 VECTOR_COLUMNS = "law,case,before,reference,reference_rate,torque,from_duty,expected,status"
@@ -92,7 +92,7 @@ def _zipped(name: str, description: str, sources: Mapping[str, str]) -> bytes:
             entry = zipfile.ZipInfo(path)  # dated 1980
             entry.external_attr = 0o644 << 16
             file.writestr(entry, data, zipfile.ZIP_DEFLATED)
-        file.comment = name.encode() + MARK
+        file.comment = name.encode() + MADE_BY
     return whole.getvalue()
 
 

@@ -40,7 +40,7 @@ def finding(code: str, subject: str, levels: Iterable[float] = (), **values: Val
 
 def ranked(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """The gravest first, and of one severity by the table's `rank`; those alike keep their order."""
-    return tuple(sorted(findings, key=lambda one: (GRAVITY[one.severity], _row(one.code).rank)))
+    return tuple(sorted(findings, key=lambda one: (GRAVITY[one.severity], _row_of_code(one.code).rank)))
 
 
 def merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
@@ -49,12 +49,12 @@ def merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     groups: dict[str, list[Finding]] = {}
     for one in findings:
         groups.setdefault(one.code, []).append(one)
-    covered = {less for code in groups for less in _row(code).covers}
+    covered = {less for code in groups for less in _row_of_code(code).covers}
     worst = []
     for code, group in groups.items():
         if code not in covered:
-            size = _row(code).size
-            one = max(group, key=lambda each: _number(each.values.get(size)))  # the first of those alike
+            size = _row_of_code(code).size
+            one = max(group, key=lambda each: _number_text(each.values.get(size)))  # the first of those alike
             others = {"others": len(group) - 1} if len(group) > 1 else {}
             worst.append(msgspec.structs.replace(one, values={**one.values, **others}))
     return tuple(worst)
@@ -64,18 +64,18 @@ def advised(findings: Iterable[Finding], typed: Sequence[str]) -> tuple[str, str
     """What the gravest of a fit's findings asks for before gains are built on it: by hand, or by options of another fit
     that was not `typed` with them; both empty where none asks for anything."""
     for one in ranked(merged(tuple(findings))):
-        row = _row(one.code)
+        row = _row_of_code(one.code)
         if row.first or (row.refit and row.refit.split()[0] not in typed):
             return row.first, row.refit.format(**one.values)
     return "", ""
 
 
-def _row(code: str) -> Row:
+def _row_of_code(code: str) -> Row:
     """The table's row of a code; one that says nothing where a later version made the finding."""
     return SENTENCES.get(code, Row("note", code))
 
 
-def _number(value: Value) -> float:
+def _number_text(value: Value) -> float:
     return abs(float(value)) if isinstance(value, int | float) else 0.0
 
 
@@ -84,7 +84,7 @@ def stops(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(one for one in findings if one.severity == "stop")
 
 
-class Words(string.Formatter):
+class CountingFormat(string.Formatter):
     """`str.format` that also counts: `{runs:#run}` is `1 run`, or `3 runs`; of what is not known it says so, and of
     several numbers each."""
 
@@ -109,7 +109,7 @@ def say(finding: Finding) -> str:
         "at": f"at {enumerated(finding.levels, unit)}",
         "symbol": SYMBOLS.get(str(parameter), parameter),
     }  # fmt: skip
-    said = row.template(fields) if callable(row.template) else Words().vformat(row.template, (), fields)
+    said = row.template(fields) if callable(row.template) else CountingFormat().vformat(row.template, (), fields)
     said = re.sub(r" +(?=[,;:] )", "", said)  # where a unit is empty
     others = finding.values.get("others")
     return f"{said} (and {others} more)" if others else said

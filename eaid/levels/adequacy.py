@@ -17,7 +17,7 @@ from eaid.levels.certainty import Estimate
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.from_steps import fit_levels_first
 from eaid.results.models import LackOfFit, ShareEstimate
-from eaid.steps.noise import line
+from eaid.steps.noise import fit_line
 from eaid.steps.step import hold_of, moving_means
 from eaid.steps.stepset import Level
 
@@ -27,11 +27,11 @@ SINGLE_CHANCE = 0.001  # The same for a single run, whose peak the same noise ha
 SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoothed run
 # Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance
 FEWEST_MISSED = 3
-MISSED_FAR = 0.015  # Part of the held output, in the middle, by which they miss it so that no interval holds it
+HELD_MISSED_FAR = 0.015  # Part of the held output, in the middle, by which they miss it so that no interval holds it
 FEWEST_LEVELS, NEAR_0 = 3, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
 
 
-def _smooth(values: Array) -> Array:
+def _moving_means(values: Array) -> Array:
     """Moving means over a fiftieth of the record, along the last axis."""
     width = max(1, values.shape[-1] // 50)
     sums = np.cumsum(np.concatenate([np.zeros((*values.shape[:-1], 1)), values], axis=-1), axis=-1)
@@ -45,18 +45,18 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
     are then compared with what they scatter, pooled over the levels (t test, one in a hundred); the fall of a single
     run with what its own smoothed output scatters about a straight line after the peak (one in a thousand).
     """
-    falls = [_falls(level) for level in levels]
+    falls = [_losses_under_hold(level) for level in levels]
     spare = sum(len(fall) - 1 for fall in falls)
     pooled = sum(float(((fall - fall.mean()) ** 2).sum()) for fall in falls) / max(spare, 1)
     falling = []
     for level, fall in zip(levels, falls, strict=True):
-        smooth = _smooth(level.mean)
+        smooth = _moving_means(level.mean)
         if (peak := float(smooth.max())) <= 0:
             continue
         error, degrees, chance = np.sqrt(pooled / len(fall)), float(spare), DECAY_CHANCE
         if len(fall) == 1:
             after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // 50)]
-            left = line(np.arange(len(after)), after).left if len(after) >= 4 else np.full(4, np.inf)
+            left = fit_line(np.arange(len(after)), after).left if len(after) >= 4 else np.full(4, np.inf)
             error, degrees, chance = np.sqrt(2 * (left @ left) / (len(left) - 2)) / peak, SINGLE_DEGREES, SINGLE_CHANCE
         lost = (peak - float(smooth[-1])) / peak
         if lost > OVERSHOOT and fall.mean() > t_quantile(degrees, 1 - 2 * chance) * error:
@@ -64,9 +64,9 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
     return falling
 
 
-def _falls(level: Level) -> Array:
+def _losses_under_hold(level: Level) -> Array:
     """What each run loses from its peak to its end, relative to the peak, shape (R,)."""
-    smooth = _smooth(level.runs)
+    smooth = _moving_means(level.runs)
     others = smooth if len(smooth) == 1 else smooth.sum(axis=0) - smooth
     peak = np.take_along_axis(smooth, others.argmax(axis=1)[:, None], axis=1)[:, 0]
     return np.asarray((peak - smooth[:, -1]) / np.maximum(np.abs(peak), 1e-300))
@@ -108,7 +108,7 @@ def rise_of_the_rig(levels: Sequence[Level]) -> list[Finding]:
     if not (held > 0).all() or not (slopes > 0).all() or held.max() < 2 * held.min():
         return []
     x, y = np.log(held), np.log(slopes)
-    found = line(x, y)
+    found = fit_line(x, y)
     sd = np.sqrt(float(found.left @ found.left) / (len(x) - 2) / float(((x - x.mean()) ** 2).sum()))
     reach = float(t_quantile(len(x) - 2.0) * sd)
     e, low, high = found.slope, found.slope - reach, found.slope + reach
@@ -124,7 +124,7 @@ def _slope(time_s: Array, run: Array) -> float:
     top = smooth.max()
     low = int(np.argmax(smooth >= 0.1 * top))
     high = max(int(np.argmax(smooth >= 0.5 * top)), low + 1)
-    return line(time_s[low : high + 1], smooth[low : high + 1]).slope
+    return fit_line(time_s[low : high + 1], smooth[low : high + 1]).slope
 
 
 def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[Finding]]:
@@ -142,14 +142,14 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[F
         most = max(beyond, key=lambda row: row.systematic_nm or 0.0)
         held = {one.level: float(hold_of(one.runs).held.mean()) for one in scatter.levels}
         part = median(np.array([(row.systematic_nm or 0.0) / abs(held[row.level] or np.inf) for row in beyond]))
-        size = {"systematic": most.systematic_nm, "worst": most.level, "of": len(rows), "far": part > MISSED_FAR}
+        size = {"systematic": most.systematic_nm, "worst": most.level, "of": len(rows), "far": part > HELD_MISSED_FAR}
         alike = finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size)
-        findings.append(msgspec.structs.replace(alike, severity="caution") if part > MISSED_FAR else alike)
+        findings.append(msgspec.structs.replace(alike, severity="caution") if part > HELD_MISSED_FAR else alike)
     return tuple(rows), findings
 
 
 VAGUE = 0.1  # Half-width of C beyond which the runs say hardly anything of it
-MATTERS = 0.25  # Part of a half-width: a shift by so much takes 4 of the 95 % from an interval
+SHIFT_MATTERS = 0.25  # Part of a half-width: a shift by so much takes 4 of the 95 % from an interval
 TRIFLE = 0.0025  # A difference in C that is never worth a word: 3 % in τ2 and 0.3 % in T_s on the reference plant
 NUDGE = 0.002  # Change of C by which its effect is found
 
@@ -181,7 +181,7 @@ def share_of(near: Estimate | OwnLevels, data: Data) -> tuple[ShareEstimate, lis
         ]
     ends = (max(0.0, C - reach), min(1.0, C + reach))
     rejected = not ends[0] <= held <= ends[1]
-    matters = rejected and abs(C - held) >= TRIFLE and bool((np.abs(slope * (C - held)) > MATTERS * half).any())
+    matters = rejected and abs(C - held) >= TRIFLE and bool((np.abs(slope * (C - held)) > SHIFT_MATTERS * half).any())
     findings = []
     if matters or ends[1] - ends[0] > 2 * VAGUE:
         code = "runs-reject-the-share" if matters else "runs-leave-the-share-open"

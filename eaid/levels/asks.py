@@ -8,7 +8,7 @@ from eaid.results.fit import Fit
 MEETS = ("tau2-meets-tau1", "tau1-floor")  # Constraints that hold two lags which are one
 NEARLY_ALIKE = 2.5  # τ2 over τ1 up to which the two may be one
 MOST_PEAKS, ALIKE = 0.67, 2.0  # Of the single steps from rest; factor between the τ1 of those that one plant may have
-LITTLE_PCT = 50.0  # Of every level by its own curve, below which another kind of plant is asked for
+LITTLE_BY_LEVEL_PCT = 50.0  # Of every level by its own curve, below which another kind of plant is asked for
 
 
 def asks_for_one_lag(result: Fit) -> bool:
@@ -42,7 +42,7 @@ def asks_for_another_kind(result: Fit) -> bool:
     decaying = {u for one in result.findings if one.code == "output-decays-under-hold" for u in one.levels}
     part = result.nonlinear
     fits = [] if part is None else [row.fit_pct for row in part.per_level if row.fit_pct is not None]
-    little = bool(fits) and max(fits) < LITTLE_PCT
+    little = bool(fits) and max(fits) < LITTLE_BY_LEVEL_PCT
     steps = [one for one in result.steps if one.edge == "up" and one.from_ == 0]
     peaks = [one.tau1 for one in steps if one.C > 1 and one.tau2 is not None]
     alike = len(peaks) > MOST_PEAKS * len(steps) and np.quantile(peaks, 0.9) < ALIKE * np.quantile(peaks, 0.1)

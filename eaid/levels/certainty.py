@@ -15,7 +15,7 @@ from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, nonlinear
 from eaid.estimate.mixed import MixedLine
-from eaid.estimate.own_level import SURE, gains_of_runs, levels_about, pull_to_line
+from eaid.estimate.own_level import NO_SCATTER, gains_of_runs, levels_about, pull_to_line
 from eaid.estimate.points import Normal, crossed_with_tails, level_normal, log_crossed
 from eaid.estimate.scatter import LEVELS_TO_SPARE, USUAL, USUAL_TAU, Scatter, run_residuals, window_sums
 from eaid.estimate.spread import (
@@ -34,7 +34,7 @@ from eaid.levels.slow_part import SlowPart, slow_part
 from eaid.levels.torque_curve import TorqueCurve, torque_curve
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant
-from eaid.plant.forms import Points
+from eaid.plant.forms import KnownPoints
 from eaid.shapes.shape import is_coloured
 from eaid.steps.stepset import Level
 
@@ -44,7 +44,7 @@ SHOWN_PART = 0.25  # Of a record, up to which a τ2 is shown by single runs of f
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 
 
-def with_curve(p: Plant, options: FitOptions, own: Points) -> Plant:
+def with_curve(p: Plant, options: FitOptions, own: KnownPoints) -> Plant:
     """A model with T_s(u) as the option «curve» has it: the paper's cubic, or through the levels' own values."""
     return replace(p, Ts_through=own) if options.through else p
 
@@ -219,7 +219,7 @@ class Estimate:
         D, Ts = self.model.Ts.rows(self.solved.steps.data.u), self.solved.at.theta[0]
         size = np.maximum(D @ curve.coefficients, 1e-3 * float(Ts.max()))
         of_logs = np.diag(self.gain_scatter.expected[:, 0]) + self._of_time_constants()
-        known = np.isfinite(of_logs).all() and Ts.min() > SURE * Ts.max()  # not of levels that stay at rest
+        known = np.isfinite(of_logs).all() and Ts.min() > NO_SCATTER * Ts.max()  # not of levels that stay at rest
         return levels_about(Ts, size, D, of_logs) if known else None
 
     @cached_property
@@ -287,7 +287,7 @@ class Estimate:
     def curve(self) -> TorqueCurve:
         """T_s(u) through T_s of the levels."""
         plain, relative, known = self.curve_by_runs
-        if relative is None or self.level_scatter <= SURE:
+        if relative is None or self.level_scatter <= NO_SCATTER:
             return plain
         return replace(self._curve_through(relative + self.level_scatter**2, known), misfit=plain.misfit)
 
@@ -295,7 +295,7 @@ class Estimate:
     def own_Ts(self) -> tuple[Array, Array, Array]:
         """ln T_s of the levels, each its own about the curve, half-width of its interval, degrees of freedom, (L,)."""
         line, u = self.levels_about_curve, self.solved.steps.data.u
-        if line is None or self.level_scatter <= SURE:
+        if line is None or self.level_scatter <= NO_SCATTER:
             low, high, degrees = (part[0] for part in self.intervals(u))
             return self.numbers(u, self.coefficients)[0][0], 0.5 * (high - low), degrees[0]
         size = self.solved.at.theta[0] / line.values.y
@@ -322,7 +322,7 @@ class Estimate:
         return with_curve(self.parameters, options, self.level_points)
 
     @property
-    def level_points(self) -> Points:
+    def level_points(self) -> KnownPoints:
         """The levels, and T_s of each, its own."""
         return tuple(zip(self.solved.steps.data.u.tolist(), np.exp(self.own_Ts[0]).tolist(), strict=True))
 
@@ -345,7 +345,7 @@ class Estimate:
         """How the coefficients answer to the runs, single ones by their scatter about T_s(u)."""
         whole = self.of_levels.of(self.answers)
         apart, spread = np.zeros((len(self.levels), self.model.size)), self.curve.variance
-        if self.level_scatter > SURE:
+        if self.level_scatter > NO_SCATTER:
             spread = (self.level_scatter * self.solved.at.theta[0]) ** 2
         elif not ((self.scatter.repeats == 1).all() and self.by_levels):
             return whole

@@ -29,17 +29,17 @@ from eaid.steps.stepset import Creep, Level, StepSet
 
 SHARE_CHANCE = 1e-3  # That noise alone rejects the C that was held, or makes a creep
 SURE_SHARE = 0.05  # Half-width of C up to which it takes the place of that
-LEAST_PCT = 1.0  # Of the least level that a creep makes by the end of a hold
+LEAST_CREEP_PCT = 1.0  # Of the least level that a creep makes by the end of a hold
 APART = 4.0  # Standard errors by which it may differ from that of the idle time
 FEWEST_IDLE = 4  # Runs whose idle time is known
-FEWEST_SINGLES = 8  # Levels of a single run that tell a creep beside two curves of three coefficients
-PARTS = (0.002, 0.005, 0.01, 0.02, 0.04)  # Of the highest output in a hold, that a creep may make: where it is begun
-BEGUN = 2  # Places from which it is solved
+FEWEST_CREEP_SINGLES = 8  # Levels of a single run that tell a creep beside two curves of three coefficients
+GROWTH = (0.002, 0.005, 0.01, 0.02, 0.04)  # Of the highest output in a hold, that a creep may make: where it is begun
+BEST = 2  # Places from which it is solved
 ROUNDS, SETTLED = 20, 1e-2  # Steps in r, and the part of its standard error at which they end
 
 
 @dataclass(frozen=True)
-class Number:
+class Told:
     """A number that the runs tell, its standard error, and the degrees of freedom of that."""
 
     value: float
@@ -61,22 +61,22 @@ def find_share_and_creep(stepset: StepSet, share: ShareEstimate, held: float) ->
     creeps, with `held` in its place."""
     levels = stepset.levels
     single, free = all(len(level.runs) == 1 for level in levels), False
-    if len(levels) >= (FEWEST_SINGLES if single else 2):
+    if len(levels) >= (FEWEST_CREEP_SINGLES if single else 2):
         idle = np.array([run.idle_slope for run in stepset.runs if run.idle_slope is not None and not run.left_out])
         middles = [stepset.middles_s(level) for level in levels]
         t0 = np.array([one.mean() for one in middles])
         at_idle = float(idle.mean()) if len(idle) else 0.0
         if not single:
-            C, rate, _ = _solve(levels, t0, None, at_idle)
+            C, rate, _ = _share_and_rate(levels, t0, None, at_idle)
             free = C.differs(held)
         if not free:
-            C, rate, cost = _solve(levels, t0, held, at_idle)
+            C, rate, cost = _share_and_rate(levels, t0, held, at_idle)
         if _creeps(rate, levels, idle) and not (single and _cost_of_share(levels, held) <= cost):
             told = free and share_is_told(C.value - C.half, C.value + C.half)
             of_levels = {level.level: float(one) for level, one in zip(levels, t0, strict=True)}
             return told, Creep(rate.value, rate.error, rate.half, median(np.concatenate(middles)), of_levels)
     told = bool(share.matters and share.ci95 is not None and share_is_told(*share.ci95))
-    if told and single and len(levels) < FEWEST_SINGLES:  # noise that lasts bends them as another C does
+    if told and single and len(levels) < FEWEST_CREEP_SINGLES:  # noise that lasts bends them as another C does
         data = data_of(levels)
         told = not any(map(is_coloured, fit_levels_first(data, None).residuals(data)))
     return told, None
@@ -87,11 +87,11 @@ def share_is_told(low: float, high: float) -> bool:
     return 0 < low < high < 1 and high - low < 2 * SURE_SHARE
 
 
-def _creeps(rate: Number, levels: Sequence[Level], idle: Array) -> bool:
+def _creeps(rate: Told, levels: Sequence[Level], idle: Array) -> bool:
     """Whether there is a creep that matters, and the idle time does not deny it."""
     least = min(float(np.abs(level.mean).max()) for level in levels)
     longest_s = max(float(level.time_s[-1]) for level in levels)
-    if len(idle) < FEWEST_IDLE or not rate.differs(0.0) or abs(rate.value) * longest_s < LEAST_PCT / 100 * least:
+    if len(idle) < FEWEST_IDLE or not rate.differs(0.0) or abs(rate.value) * longest_s < LEAST_CREEP_PCT / 100 * least:
         return False
     apart = float(np.hypot(rate.error, idle.std(ddof=1) / np.sqrt(len(idle))))
     return abs(rate.value - float(idle.mean())) <= APART * apart
@@ -104,25 +104,25 @@ def _cost_of_share(levels: Sequence[Level], held: float) -> float:
     return float(fit_levels_first(data, held).steps.weight @ fit_levels_first(data, None).at.cost)
 
 
-def _solve(levels: Sequence[Level], t0: Array, share: float | None, idle: float) -> tuple[Number, Number, float]:
+def _share_and_rate(levels: Sequence[Level], t0: Array, share: float | None, idle: float) -> tuple[Told, Told, float]:
     """C, free or held, the rate of a creep that all runs share, from the best of some rates, that of the idle time
     among them: the slow parts of low levels imitate one; and what these leave."""
     data = data_of(levels)
     first = fit_levels_first(data, share)
     weight = first.steps.weight
     per_hold = float(np.abs(data.points.y).max()) / data.longest_s
-    tried = sorted({0.0, idle, *(side * part * per_hold for part in PARTS for side in (-1, 1))})
-    ends = [fit_levels_first(take_off_creep(data, rate, t0), share, [first.x]) for rate in tried]
+    tried = sorted({0.0, idle, *(side * part * per_hold for part in GROWTH for side in (-1, 1))})
+    ends = [fit_levels_first(less_creep(data, rate, t0), share, [first.x]) for rate in tried]
     costs = np.array([float(weight @ one.at.cost) for one in ends])
     framed = np.pad(costs, 1, constant_values=np.inf)
     minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
     found = [
-        _solve_near(levels, data, t0, tried[k], ends[k].x, share) for k in minima[np.argsort(costs[minima])][:BEGUN]
+        _solve_near(levels, data, t0, tried[k], ends[k].x, share) for k in minima[np.argsort(costs[minima])][:BEST]
     ]
     rate, near, (errors, degrees) = min(found, key=lambda one: float(weight @ one[1].solved.at.cost))
     of_C, of_rate = zip(errors.tolist(), degrees.tolist(), strict=True)
-    C = Number(float(near.solved.x[-1]), *of_C) if share is None else Number(share, 0.0, of_C[1])
-    return C, Number(rate, *of_rate), float(weight @ near.solved.at.cost)
+    C = Told(float(near.solved.x[-1]), *of_C) if share is None else Told(share, 0.0, of_C[1])
+    return C, Told(rate, *of_rate), float(weight @ near.solved.at.cost)
 
 
 def _solve_near(
@@ -130,18 +130,18 @@ def _solve_near(
 ) -> tuple[float, Estimate, tuple[Array, Array]]:
     """The rate next to one, the estimate without it, and how sure C and the rate are."""
     for _ in range(ROUNDS):
-        moved = take_off_creep(data, rate, t0)
+        moved = less_creep(data, rate, t0)
         near = Estimate(levels, fit_levels_first(moved, share, [x]))
-        x, columns = near.solved.x, _columns(near, t0)
+        x, columns = near.solved.x, _creep_columns(near, t0)
         score, back = _sum_scores(near, moved, columns)
-        step, known = float(back[-1] @ score.sum(axis=0)), _errors(near, back, columns, score)
+        step, known = float(back[-1] @ score.sum(axis=0)), _creep_errors(near, back, columns, score)
         if abs(step) <= SETTLED * known[0][-1]:
             break
         rate -= step
     return rate, near, known
 
 
-def take_off_creep(data: Data, rate: float, t0: Array) -> Data:
+def less_creep(data: Data, rate: float, t0: Array) -> Data:
     """The mean curves without a creep."""
     if not rate:
         return data
@@ -149,7 +149,7 @@ def take_off_creep(data: Data, rate: float, t0: Array) -> Data:
     return Data(data.u, tuple(replace(one, y=one.y - rate * (one.t_s + since)) for one, since in pairs))
 
 
-def _columns(near: Estimate, t0: Array) -> list[Array]:
+def _creep_columns(near: Estimate, t0: Array) -> list[Array]:
     """How the curves go with T_s of each level over its size, with x and with the rate, (n_l, L + p + 1) each."""
     steps, found = near.solved.steps, []
     count = len(near.levels)
@@ -173,7 +173,7 @@ def _sum_scores(near: Estimate, data: Data, columns: Sequence[Array]) -> tuple[A
     return score, free_inverse(np.asarray(curvature), held)
 
 
-def _errors(near: Estimate, back: Array, columns: Sequence[Array], score: Array) -> tuple[Array, Array]:
+def _creep_errors(near: Estimate, back: Array, columns: Sequence[Array], score: Array) -> tuple[Array, Array]:
     """Standard errors of C and of the rate, and their degrees of freedom, (2,) each: by how the levels' own estimates
     scatter, a creep of each among them; of levels of a single run by how far each of these pulls them."""
     asked, count = np.eye(len(back))[-2:], len(near.levels)

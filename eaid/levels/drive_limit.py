@@ -44,7 +44,7 @@ def limit_at(stepset: StepSet, told: Finding) -> StepSet | None:
     return replace(stepset, levels=levels, releases=releases, findings=(*stepset.findings, told))
 
 
-def explains_as_well(limited: Fit, through: Fit, levels: Sequence[Level]) -> bool:
+def limit_explains_as_well(limited: Fit, through: Fit, levels: Sequence[Level]) -> bool:
     """Whether a drive that ends explains the shapes of levels as well as T_s(u) through them."""
     plants = [one.nonlinear.parameters for one in (limited, through) if one.nonlinear is not None]
     of_drive, of_curve = (_shape_squares(plant, levels) for plant in plants)

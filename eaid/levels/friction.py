@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, Mask
 from eaid.estimate import data as metrics
 from eaid.estimate.data import Data
 from eaid.estimate.points import level_residuals
-from eaid.estimate.scatter import CURVES, MEETING, Mask, Scatter
+from eaid.estimate.scatter import CURVES, MEETING, Scatter
 from eaid.estimate.spread import Influence, t_quantile, textbook
 from eaid.estimate.trends import fit_trends
 from eaid.findings import Finding, finding
@@ -140,7 +140,7 @@ def friction_part(
 ) -> tuple[Friction, list[Finding]]:
     """The friction model: rows of all levels, trends, and their warnings; `own` where each was fitted by itself."""
     over, x = trend_axis(stepset, data.u)
-    findings, coefficient = _coefficients(stepset, over, x, values.theta[0])
+    findings, coefficient = _of_friction(stepset, over, x, values.theta[0])
     left = level_residuals(values.theta, data.records)
     shown = options.ci != "none"
     rows = []
@@ -181,7 +181,7 @@ def friction_part(
     return msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, held_out)), findings
 
 
-def _coefficients(stepset: StepSet, over: str, x: Array, Ts: Array) -> tuple[list[Finding], list[float | None]]:
+def _of_friction(stepset: StepSet, over: str, x: Array, Ts: Array) -> tuple[list[Finding], list[float | None]]:
     """The coefficient of friction of each level, Eq. (1), where it is known, and why it is not."""
     none: list[float | None] = [None] * len(x)
     if stepset.kind != "friction-force":

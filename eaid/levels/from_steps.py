@@ -21,7 +21,7 @@ from eaid.estimate.forms import Constraints, Model, linear, nonlinear
 from eaid.estimate.points import Normal, level_normal, level_residuals
 from eaid.estimate.solver import (
     ROUNDING,
-    SETTLED,
+    SOLVE_SETTLED,
     EndPoint,
     Problem,
     approach,
@@ -222,7 +222,7 @@ def fit_levels_first(
         before, steps = steps, steps.weighed(end.x)
         if np.abs(steps.weight - before.weight).max() <= SAME_WEIGHT * before.weight.max():
             break
-        end = approach(steps.problem, end.x, near=SETTLED)
+        end = approach(steps.problem, end.x, near=SOLVE_SETTLED)
     return _conclude(steps, [slsqp(steps.problem, end)])
 
 

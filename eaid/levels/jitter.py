@@ -9,7 +9,6 @@ mean of runs that start apart is smeared, and its τ1 too long: all are laid on 
 earlier, for that is a dead time.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,6 +20,7 @@ from eaid.estimate.scatter import Scatter, bartlett_variance
 from eaid.findings import Finding, finding
 from eaid.plant.dynamics import Step
 from eaid.plant.steps import step_rate
+from eaid.shapes.delay import usual_row_s
 from eaid.steps.stepset import Level, StepSet
 
 APART_CHANCE = 1e-3  # That noise alone makes starts scatter so
@@ -45,7 +45,7 @@ def find_starts_apart(scatter: Scatter) -> Starts | None:
             degrees += len(own) - 1
     if not degrees:
         return None
-    sd, row_s = float(np.sqrt(squares / degrees)), _row_s(scatter.levels)
+    sd, row_s = float(np.sqrt(squares / degrees)), usual_row_s(scatter.levels)
     tau1 = median(np.array([curve.tau1 for curve in scatter.curves]))
     by_noise = float(chdtri(degrees, APART_CHANCE)) * noise / degrees
     if not by_noise < squares < np.inf or sd < max(LEAST_ROWS * row_s, LEAST_PART * tau1):
@@ -88,7 +88,3 @@ def _shifts(level: Level, curve: Step, J: Array) -> tuple[Array, float]:
     left = (off - off.mean(axis=0) - (found - found.mean(axis=0)) @ columns.T) * back[-1]
     share = len(level.runs) / (len(level.runs) - 1)  # what is left of R runs about their mean
     return found[:, -1], share * float(bartlett_variance(level.time_s, left.T).max(axis=0).mean())
-
-
-def _row_s(levels: Sequence[Level]) -> float:
-    return median(np.array([float(level.time_s[-1]) / max(len(level.time_s) - 1, 1) for level in levels]))

@@ -16,7 +16,7 @@ from scipy.special import fdtri
 from eaid.arrays import Array, median
 from eaid.estimate.coefficients import coefficients_of, map_unknowns, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
-from eaid.estimate.own_level import find_exchanged, find_levelled_off, levels_scatter
+from eaid.estimate.own_level import LAG_OFF, find_exchanged, find_levelled_off, levels_scatter
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, held_parameters
 from eaid.estimate.spread import Influence, correct_score, gains_of, t_quantile
@@ -46,8 +46,7 @@ from eaid.steps.stepset import Level, StepSet
 
 # Chance to be surpassed from which levels have a time constant each by itself, and from which their curve is less sure
 LAG_BEYOND, LAG_WIDER = 0.99, 0.95
-LAG_OFF = 0.08  # Part of a time constant by which a curve that misses its level's own is warned of
-ROUNDED = 1e-12  # Of ln T_s, by which a level's own value is that of the curve
+SAME_VALUE = 1e-12  # Of ln T_s, by which a level's own value is that of the curve
 NO_PART = 1e-3  # Of a value, by which the joint fit's may differ and nothing is said
 HOLDING = {"tau2-meets-tau1", "tau2-endless"}  # Constraints that take τ2's freedom, which is T_s's then
 # Least and largest ln T_s, ln τ1, ln τ2 of the levels and degrees of freedom, (3, L) each
@@ -125,7 +124,7 @@ def nonlinear_part(
         one = take_draws(one, estimate, u, draws)
     if options.ci == "white":
         one = by_textbook(one, estimate)
-    values = values_of(one, levels, free)
+    values = values_at_levels(one, levels, free)
     own, scattered, told = values, list[Finding](), bent_findings(bent)
     if options.estimator != "joint":
         own, scattered = own_values(one, estimate, free, options), level_scatter_findings(estimate, part)
@@ -163,7 +162,7 @@ def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOption
     theta, (low, high, degrees) = _curves(one.part.parameters, estimate.levels), (part.copy() for part in one.ends)
     held, (value, half, known) = _all_held(one, theta, estimate.levels, free), estimate.own_Ts
     curve = np.log(np.maximum(theta[0], 1e-300))
-    theta[0] = np.where(np.abs(value - curve) < ROUNDED, theta[0], np.exp(value))
+    theta[0] = np.where(np.abs(value - curve) < SAME_VALUE, theta[0], np.exp(value))
     if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
         low[0], high[0] = low[0] + value - curve, high[0] + value - curve
         return quote_levels(estimate.levels, theta, held, (low, high, degrees))
@@ -215,7 +214,7 @@ def bent_findings(
     off = np.log(curve.theta[:3] / own.theta[:3])
     k, i = max(((CURVES.index(name), i) for name in lags for i in range(len(own.levels))), key=lambda at: abs(off[at]))
     worst = {"worst": own.levels[i].level, "off_pct": 100 * float(np.expm1(off[k, i])), "lag": CURVES[k]}
-    far = abs(off[k, i]) > np.log1p(LAG_OFF)
+    far = abs(off[k, i]) > LAG_OFF
     both = {**told.values, **worst}
     return [msgspec.structs.replace(told, severity="caution" if far else told.severity, values=both)]
 
@@ -250,7 +249,7 @@ def find_flat_levels(estimate: Estimate, through: bool = False) -> list[Finding]
     return find_levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread, how="levels" * through)
 
 
-def values_of(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
+def values_at_levels(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
     """T_s, τ1, τ2 of the model at the levels."""
     theta = _curves(one.part.parameters, levels)
     return quote_levels(levels, theta, _all_held(one, theta, levels, share_free), one.ends)
@@ -367,7 +366,7 @@ def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]
 
 def joint_findings(joint: results.Nonlinear, one: Standing, levels: Sequence[Level], estimator: str) -> list[Finding]:
     """Where the joint fit's curves leave the intervals of the estimate that is believed: the one that does so most."""
-    believed, u, apart = values_of(one, levels, False), [level.level for level in levels], []
+    believed, u, apart = values_at_levels(one, levels, False), [level.level for level in levels], []
     for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, levels), believed.theta, strict=False)):
         with np.errstate(divide="ignore", invalid="ignore"):
             out = ~((np.log(a) >= believed.low[k]) & (np.log(a) <= believed.high[k]))

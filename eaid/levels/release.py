@@ -67,7 +67,7 @@ def release_fit(
     own = [replace(one, Ts=1.0, C=C) for one, C in zip(known, shares.tolist(), strict=True) if one is not None]
     as_left = len(own) == len(shares) > 1 and float(sizes(own, data)[:, 2].sum()) < (1 - LEFT_SAVES) * total
     part = Release(tau1, tau2, share, rmse, total, solver=pooled.solver, as_left=as_left)
-    return part, [*_findings(data, pooled, parts), *[finding("release-as-left", "release")] * as_left]
+    return part, [*_release_findings(data, pooled, parts), *[finding("release-as-left", "release")] * as_left]
 
 
 def release_of(plant: Plant, stepset: StepSet) -> Release | None:
@@ -81,7 +81,7 @@ def release_of(plant: Plant, stepset: StepSet) -> Release | None:
     return found if plant.C != 1 else msgspec.structs.replace(found, tau2=found.tau1)
 
 
-def _findings(data: Data, pooled: Solution, parts: Array) -> list[Finding]:
+def _release_findings(data: Data, pooled: Solution, parts: Array) -> list[Finding]:
     findings = []
     if not pooled.solver.converged:
         findings.append(finding("fit-not-converged", "release", predicted_decrease=pooled.solver.predicted_decrease))

@@ -20,7 +20,7 @@ from eaid.estimate.scatter import Scatter
 from eaid.findings import Finding, finding
 from eaid.steps.stepset import RunRecord
 
-DRIFT_CHANCE = 5e-3  # That runs which scatter alone look like a drift
+RUN_DRIFT_CHANCE = 5e-3  # That runs which scatter alone look like a drift
 LEAST_DRIFT_PCT = 2.0  # Over the whole session
 ONE_AFTER_ANOTHER = 0.7  # Correlation of levels with their instants from which they were recorded in order
 
@@ -44,7 +44,7 @@ def session_drift(scatter: Scatter, runs: Sequence[RunRecord]) -> list[Finding]:
     error = float(np.sqrt((d - b * t) @ (d - b * t) / spare / size))
     pct = 100 * float(np.expm1(b * (order[-1] - order[0])))
     chance = 2 * float(stdtr(spare, -abs(b) / max(error, 1e-300)))
-    if chance > DRIFT_CHANCE or abs(pct) < LEAST_DRIFT_PCT:
+    if chance > RUN_DRIFT_CHANCE or abs(pct) < LEAST_DRIFT_PCT:
         return []
     when = np.array([each.mean() for each in instants])
     ordered = len(when) > 2 and abs(float(np.corrcoef(when, scatter.duty)[0, 1])) > ONE_AFTER_ANOTHER

@@ -25,7 +25,7 @@ from eaid.steps.stepset import Level
 
 LENGTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5)  # τ2 supposed, in record lengths; the last stands for all beyond
 TAU1_STEPS = 12  # Newton steps in which τ1(u) follows
-FEWEST_SINGLES = 2  # Levels beyond the unknowns from which single runs show what ψ scatters
+FEWEST_SPARE_SINGLES = 2  # Levels beyond the unknowns from which single runs show what ψ scatters
 TAU1_SETTLED = 1e-6  # Part of τ1 by which the last of them moves it
 
 
@@ -103,7 +103,7 @@ def _rejects(levels: Sequence[Level], steps: StepProblem, at: Normal) -> bool:
             parts.append(float(psi[i].var(ddof=1)) / len(psi[i]))
             degrees.append(len(psi[i]) - 1.0)
     means = np.array([one.mean() for one in psi])
-    if all(len(one) == 1 for one in psi) and len(psi) - steps.M.shape[2] >= FEWEST_SINGLES:
+    if all(len(one) == 1 for one in psi) and len(psi) - steps.M.shape[2] >= FEWEST_SPARE_SINGLES:
         parts, degrees = [len(psi) * float(means.var(ddof=1))], [float(len(psi) - steps.M.shape[2])]
     variance = sum(parts)
     known = float(satterthwaite(parts, degrees)) if variance > 0 else 1.0

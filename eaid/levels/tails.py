@@ -31,8 +31,8 @@ from eaid.shapes.intervals import mean_before
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
 OFF_REST = 0.02  # Part of its change by which the output at a step's begin is off the rest its log began with
-MATTERS = 0.003  # Part of its level's output by which a tail moves a step, from which all are taken off
-SETTLED = 1e-4  # The same, by which those of two rounds may differ
+TAIL_MATTERS = 0.003  # Part of its level's output by which a tail moves a step, from which all are taken off
+TAILS_SETTLED = 1e-4  # The same, by which those of two rounds may differ
 ROUNDS, FARTHEST_BACK = 25, (-4.0, 0.9)  # And, as a part of the last step, how far a secant may lead on or back
 FALL_ROWS = 200  # Rows of a fall, denser at its begin, by which its time constants are found
 
@@ -183,7 +183,7 @@ def settle_tails(
         if not are_sound(stepset, found):
             break
         settled = found, plant, falls
-        if largest_part(stepset, found, supposed)[0] < SETTLED:
+        if largest_part(stepset, found, supposed)[0] < TAILS_SETTLED:
             break
         rounds = [*rounds[-1:], (supposed, found)]
         supposed = _go_on(rounds)

@@ -20,7 +20,7 @@ from eaid.options import FitOptions
 from eaid.plant.respond import from_rest
 from eaid.results.models import LevelsLeftOut
 
-MOST_LEFT_OUT = 12  # Levels that are left out in turn, spread over all
+MOST_LEVELS_IN_TURN = 12  # Levels that are left out in turn, spread over all
 TO_SPARE = 1  # Levels beyond the coefficients of T_s(u) that a fit without one must have
 WORSE = 0.5  # Part of what is left unexplained by which a model may fall where it has not seen …
 FALL_PCT = 10.0  # … and never less than this
@@ -42,7 +42,7 @@ def leave_levels_out(estimate: Estimate, options: FitOptions) -> tuple[LevelsLef
     if len(levels) < estimate.Ts_terms + 1 + TO_SPARE:
         return None, []
     between = np.argsort([one.level for one in levels])[1:-1].tolist()
-    of, off = between[:: -(-len(between) // MOST_LEFT_OUT)], []
+    of, off = between[:: -(-len(between) // MOST_LEVELS_IN_TURN)], []
     left = np.zeros((2, 2))  # Squares with and without a level, as it is and with its own gain
     for k in of:
         one, plant, own = levels[k], estimate.without(k, options), float(estimate.solved.at.theta[0, k])

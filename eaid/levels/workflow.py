@@ -24,7 +24,7 @@ from eaid.levels.adequacy import adequacy, share_of
 from eaid.levels.bootstrap import bootstrap, drawn_ends
 from eaid.levels.certainty import Estimate, estimate_levels_first
 from eaid.levels.creep import find_share_and_creep
-from eaid.levels.drive_limit import explains_as_well, flat_levels, limit_at
+from eaid.levels.drive_limit import flat_levels, limit_at, limit_explains_as_well
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.friction import friction_part, quote_levels, reach_over_slow_parts, white_ends
 from eaid.levels.from_steps import Solution, fit_levels_first, fit_nonlinear, refit_nonlinear
@@ -35,7 +35,7 @@ from eaid.levels.nonlinear import find_flat_levels, nonlinear_part
 from eaid.levels.release import release_fit
 from eaid.levels.session_drift import session_drift
 from eaid.levels.tails import (
-    MATTERS,
+    TAIL_MATTERS,
     Tails,
     are_sound,
     data_on_tails,
@@ -61,7 +61,7 @@ ODD = 0.01  # Probability at which a good repeat would be said to lie off the ot
 Sets = tuple[StepSet, StepSet]  # Steps as they were recorded, and the same behind their dead time
 # Findings that no creep leaves behind it
 WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike", "polynomials-too-low")
-NO_STEP = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
+NO_STEP_CODES = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
 LARGE_TAIL = 0.2  # Part of its level's output, from which on a tail puts a run off the others
 SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
 LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
@@ -75,16 +75,16 @@ def keep_quotable(value: Any) -> Any:
         return msgspec.structs.replace(value, **changed) if changed else value
     if isinstance(value, tuple):
         if len(value) == 2 and all(isinstance(end, float) for end in value):
-            return value if all(map(_known, value)) else None
+            return value if all(map(_is_known, value)) else None
         items = tuple(map(keep_quotable, value))
         return value if all(a is b for a, b in zip(items, value, strict=True)) else items
     if isinstance(value, dict):
         entries = {name: keep_quotable(item) for name, item in value.items()}
         return value if all(entries[name] is value[name] for name in value) else entries
-    return None if isinstance(value, float) and not _known(value) else value
+    return None if isinstance(value, float) and not _is_known(value) else value
 
 
-def _known(value: float) -> bool:
+def _is_known(value: float) -> bool:
     return -LARGEST_NUMBER <= value <= LARGEST_NUMBER
 
 
@@ -108,7 +108,7 @@ def fit_steps(
             sets, result, scatter = _fit_without_tails(recorded, options, progress)
             if starts is None and (found := find_starts_apart(scatter)) is not None:
                 return fit_steps(lay_in_step(as_given, found), options, progress, found)
-            no_step = [one for one in result.findings if one.code in NO_STEP]
+            no_step = [one for one in result.findings if one.code in NO_STEP_CODES]
             if no_step and sum(len(one.levels) for one in no_step) < len(recorded[1].levels) - len(options.hold_out):
                 recorded = recorded[0].without(no_step), recorded[1].without(no_step)
                 sets, result, _ = _fit_without_tails(recorded, options, progress)
@@ -168,7 +168,7 @@ def _fit_within_limit(
     if first is None or behind is None:
         return recorded, sets, result
     without, within, _ = _fit_without_tails((first, behind), options, progress)
-    as_well = explains_as_well(within, result, sets[1].levels)
+    as_well = limit_explains_as_well(within, result, sets[1].levels)
     return ((first, behind), without, within) if as_well else (recorded, sets, result)
 
 
@@ -185,7 +185,7 @@ def _fit_without_tails(
     if near.nonlinear is not None:
         begin = with_release(near.nonlinear.parameters, near.release)
         found = find_tails(begin, behind)
-        if largest_part(behind, found)[0] >= MATTERS and are_sound(behind, found):
+        if largest_part(behind, found)[0] >= TAIL_MATTERS and are_sound(behind, found):
             return _fit_on_tails(sets, begin, near.release, options, progress)
     return (sets, *(plain or _fit_levels(behind, options, progress)))
 
@@ -317,7 +317,7 @@ def _fit_model(
     """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
     levels, share = stepset.levels, options.held_share
     first, huber = fit_with_loss(
-        data, options.loss, lambda d, near: estimate_levels_first(levels, d, share, near), _missed
+        data, options.loss, lambda d, near: estimate_levels_first(levels, d, share, near), _level_residuals
     )
     joint, of_joint = fit_with_loss(
         data,
@@ -341,7 +341,7 @@ def _fit_model(
     return msgspec.structs.replace(result, findings=tuple(findings)), first
 
 
-def _missed(one: Estimate | OwnLevels, data: Data) -> list[Array]:
+def _level_residuals(one: Estimate | OwnLevels, data: Data) -> list[Array]:
     """f − y of the levels' curves at every sample."""
     return level_residuals(one.scatter.theta, data.records)
 
@@ -356,7 +356,7 @@ def _fit_each_level(
 ) -> tuple[Fit, Estimate | OwnLevels]:
     """Every level by itself, with trends over the levels; their estimates."""
     levels, share = stepset.levels, options.held_share
-    own, huber = fit_with_loss(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _missed)
+    own, huber = fit_with_loss(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _level_residuals)
     if "friction" not in models:
         return Fit(), own
     ends = reach_over_slow_parts(own, own.intervals)

@@ -19,7 +19,7 @@ from eaid.arrays import Array, median, read_only
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
 from eaid.logs.columns import Roles
-from eaid.logs.table import Table
+from eaid.logs.table import LogTable
 from eaid.logs.units import TIME_FACTORS, TIME_UNITS, declared_unit, divisor, numbers_samples, split_name, unit_of
 from eaid.options import ReadOptions
 
@@ -36,7 +36,7 @@ SLOWEST_CLOCK_S = 90.0
 FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave is warned of
 BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
 # Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
-LONGEST_S = 3600.0
+LONGEST_LOG_S = 3600.0
 WHOLE_S = 600.0  # Span from which whole seconds may be ms under a header that says s
 
 CLOCK_STAMP = re.compile(
@@ -59,7 +59,7 @@ def _clock_of(column: str, raw: NDArray[Any], factor: float) -> Clock:
     return Clock(column, (raw - raw[0]) * factor if len(raw) else raw, factor)
 
 
-def _other_clocks(path: str, table: Table, taken: Collection[int | None]) -> list[Clock]:
+def _other_clocks(path: str, table: LogTable, taken: Collection[int | None]) -> list[Clock]:
     """The columns, besides those that are taken, that say a time and its unit."""
     clocks = []
     for column, name in enumerate(table.columns):
@@ -71,7 +71,7 @@ def _other_clocks(path: str, table: Table, taken: Collection[int | None]) -> lis
 
 
 def unit_of_time(
-    source: str, table: Table, roles: Roles, clock: int | None, raw: NDArray[Any], options: ReadOptions
+    source: str, table: LogTable, roles: Roles, clock: int | None, raw: NDArray[Any], options: ReadOptions
 ) -> tuple[float | None, float | None]:
     """Seconds in one unit of the time, as the user says, and as its column does; DataError where another contradicts
     it and the user says nothing."""
@@ -84,7 +84,7 @@ def unit_of_time(
     others = [one for one in _other_clocks(source, table, roles.taken) if len(one.time_s) == len(raw)]
     other = next((one for one in others if not _agree(own, one)), None)
     if other is not None and by_user is None:
-        raise _contradiction(source, own, other)
+        raise _clocks_contradict(source, own, other)
     return by_user, by_column if other is None else None  # its header is wrong, or the user knows better
 
 
@@ -103,7 +103,7 @@ def _agree(one: Clock, other: Clock) -> bool:
     return bool(median(np.abs(a - b) - OFF * np.maximum(a, b)) <= 2 * finest)
 
 
-def _contradiction(path: str, time: Clock, other: Clock) -> DataError:
+def _clocks_contradict(path: str, time: Clock, other: Clock) -> DataError:
     """That two columns of time contradict each other, and what to do."""
     a, b = (float(np.nanmax(one.time_s)) for one in (time, other))
     counts = time.factor * b / a  # seconds in one unit of the first, if the second is right
@@ -116,7 +116,7 @@ def _contradiction(path: str, time: Clock, other: Clock) -> DataError:
     )
 
 
-def _time_unit(path: str, given: str | None, table: Table, column: int) -> tuple[float | None, float | None]:
+def _time_unit(path: str, given: str | None, table: LogTable, column: int) -> tuple[float | None, float | None]:
     """Seconds in one unit of a time column, as the user says, and as its file or its name does; None where not."""
     by_user = None
     if given is not None:
@@ -211,9 +211,9 @@ def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
         return sum(abs(math.log(size * TIME_FACTORS[unit])) for size in (usual / 0.01, span / 60))
 
     # if it counts no seconds: the coarsest unit with half a second a sample, and an hour in all, at most
-    finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_S) * TIME_FACTORS[one] <= 1)
+    finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_LOG_S) * TIME_FACTORS[one] <= 1)
     likely = min(("min", "h", "d"), key=off) if brief or too_fast else next(finer, "ns")
-    if too_fast or (span > LONGEST_S and (whole or usual > SLOWEST_CLOCK_S)):
+    if too_fast or (span > LONGEST_LOG_S and (whole or usual > SLOWEST_CLOCK_S)):
         return _unclear(path, column, usual, span, likely)
     if whole or brief:
         return finding("time-doubtful", path, column=column, usual_s=usual, span_s=span, likely=likely)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from eaid.arrays import median
 from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding, finding
-from eaid.logs.table import Table
+from eaid.logs.table import LogTable
 from eaid.logs.units import is_linear_speed, split_name, unit_of, words_of
 from eaid.options import ExperimentKind, ReadOptions
 from eaid.shown import listed
@@ -98,21 +98,21 @@ def _alike(names: Sequence[str], spellings: Iterable[str], taken: set[int]) -> l
     return [i for i, some in words.items() if some & long and not some & SETTINGS]
 
 
-def _quantity_of(table: Table, column: int) -> str:
+def _quantity_of(table: LogTable, column: int) -> str:
     """The quantity of a column by the unit that its file or its name says."""
     return unit_of(table.unit(column)).quantity or unit_of(split_name(table.columns[column])[1]).quantity
 
 
-def shown(names: Sequence[str]) -> str:
+def as_list(names: Sequence[str]) -> str:
     """Columns as a sentence lists them."""
     return listed([name or f"column {i + 1}" for i, name in enumerate(names)], 12)
 
 
-def _dropped(table: Table) -> str:
+def _dropped(table: LogTable) -> str:
     return f"; without numbers: {listed(table.dropped, 6)}" if table.dropped else ""
 
 
-def _named_column(path: str, role: str, given: str, table: Table) -> int:
+def _named_column(path: str, role: str, given: str, table: LogTable) -> int:
     """Column that the user names: exactly, then whatever the case, then without its unit, then by its number.
 
     `u[2]` is the second column of the matrix u.
@@ -126,7 +126,7 @@ def _named_column(path: str, role: str, given: str, table: Table) -> int:
     if place and place[1] in (None, table.name) and 1 <= int(place[2]) <= len(names):
         return int(place[2]) - 1
     raise DataError(
-        f"{path}: has no column {given} for «columns» {role}={given}; its columns are {shown(names)} "
+        f"{path}: has no column {given} for «columns» {role}={given}; its columns are {as_list(names)} "
         f"(a number counts them from 1){meant(given, names)}"
     )
 
@@ -136,13 +136,13 @@ def _only(path: str, role: str, hits: Sequence[int], names: Sequence[str]) -> in
     if len(hits) > 1:
         first = names[hits[0]] if names.count(names[hits[0]]) == 1 else ""
         raise DataError(
-            f"{path}: several columns may be the {role} ({shown([names[i] for i in hits])}); "
+            f"{path}: several columns may be the {role} ({as_list([names[i] for i in hits])}); "
             f'say which with «columns» {role}="{first or hits[0] + 1}"'
         )
     return hits[0] if hits else None
 
 
-def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
+def match_columns(path: str, table: LogTable, options: ReadOptions) -> Roles:
     """Roles of a table's columns; raises DataError where the output, or the time, cannot be told."""
     names = table.columns
     named = {role: _named_column(path, role, name, table) for role, name in options.columns.items()}
@@ -151,7 +151,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     time = named["time"] if "time" in named else _time(path, table, set(named.values()))
     if time is None and options.rate_hz is None:
         raise DataError(
-            f"{path}: no column is called time (columns: {shown(names)}{_dropped(table)}); name it with «columns» "
+            f"{path}: no column is called time (columns: {as_list(names)}{_dropped(table)}); name it with «columns» "
             f"time=NAME, or give «rate_hz» HZ where the log has none"
         )
     taken = {*named.values(), *([time] if time is not None else [])}
@@ -160,13 +160,13 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
     of_torque = [i for i in references if words_of(split_name(names[i])[0]) & torque or _bare(names[i])[:3] == "ref"]
     reference = named.get("reference", of_torque[0] if len(of_torque) == 1 else None)
     taken |= set(of_torque)
-    output = named["output"] if "output" in named else _output(path, table, taken, references)
+    output = named["output"] if "output" in named else _output_column(path, table, taken, references)
 
     taken |= {output}
     quantity = [unit_of(split_name(name)[1]).quantity for name in names]
     alike = [i for i in references if i not in taken and quantity[i] and quantity[i] == quantity[output]]
     if "input" in named:
-        of_input = kind_of(names[named["input"]], options.units.get("input", ""))
+        of_input = experiment_of_input(names[named["input"]], options.units.get("input", ""))
         unit = options.units.get("output", "") or split_name(names[output])[1]
         kind = options.kind or (of_input if slips(names[output], unit) else "clutch")
         inputs = [(kind, named["input"])]
@@ -182,7 +182,7 @@ def match_columns(path: str, table: Table, options: ReadOptions) -> Roles:
 
 
 def _inputs(
-    path: str, table: Table, taken: set[int], wanted: ExperimentKind | None
+    path: str, table: LogTable, taken: set[int], wanted: ExperimentKind | None
 ) -> list[tuple[ExperimentKind, int]]:
     """What may be the input of each kind of experiment, or of the one that is wanted; at most one a kind."""
     inputs: list[tuple[ExperimentKind, int]] = []
@@ -193,7 +193,7 @@ def _inputs(
     return inputs
 
 
-def _measuring(table: Table, group: Group, taken: set[int]) -> list[int]:
+def _measuring(table: LogTable, group: Group, taken: set[int]) -> list[int]:
     """Columns of a group by their names whose unit is not that of something else; v may be a voltage or a velocity."""
     hits = []
     for i in _alike(table.columns, group.names, taken):
@@ -204,7 +204,7 @@ def _measuring(table: Table, group: Group, taken: set[int]) -> list[int]:
     return hits
 
 
-def _time(path: str, table: Table, taken: set[int]) -> int | None:
+def _time(path: str, table: LogTable, taken: set[int]) -> int | None:
     """The time column: by its format, by its name, else the only one in a unit of time; None where there is none."""
     if table.clock is not None:
         return table.clock
@@ -222,7 +222,7 @@ def _time(path: str, table: Table, taken: set[int]) -> int | None:
     return timed[0] if len(timed) == 1 else None
 
 
-def _output(path: str, table: Table, taken: set[int], references: Sequence[int]) -> int:
+def _output_column(path: str, table: LogTable, taken: set[int], references: Sequence[int]) -> int:
     """The output column: by its name, else the only one in a unit of torque; raises DataError where there is none."""
     names = table.columns
     for spelled in (names, [split_name(name)[0].rstrip("0123456789") for name in names]):  # torque1, torque2
@@ -234,12 +234,12 @@ def _output(path: str, table: Table, taken: set[int], references: Sequence[int])
     if (output := _only(path, "output", turned, names)) is not None:
         return output
     raise DataError(
-        f"{path}: no column is called torque, force … (columns: {shown(names)}{_dropped(table)}); name what "
+        f"{path}: no column is called torque, force … (columns: {as_list(names)}{_dropped(table)}); name what "
         f"was measured with «columns» output=NAME"
     )
 
 
-def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
+def columns_guessed(table: LogTable, options: ReadOptions) -> dict[str, str]:
     """Columns that may be what no name says: the one that rises, the one that steps, the one that does neither."""
     names, known = table.columns, dict[str, int | None]()
     for role, name in options.columns.items():
@@ -247,7 +247,7 @@ def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
     if "time" not in known and (clock := _time("", table, set())) is not None:
         known["time"] = clock
     with contextlib.suppress(DataError):
-        known.setdefault("output", _output("", table, set(), ()))
+        known.setdefault("output", _output_column("", table, set(), ()))
     free = [i for i in range(min(len(names), 64)) if i not in (*known.values(), *table.stamped)]
     numbers: dict[int, NDArray[Any]] = {}
     for i in free:
@@ -266,7 +266,7 @@ def columns_guessed(table: Table, options: ReadOptions) -> dict[str, str]:
     moved = {i for i in numbers if words_of(split_name(names[i])[0]) & MOTION or _quantity_of(table, i) == "speed"}
     stepping: dict[bytes, list[int]] = {}  # When → the columns that step then
     for i in numbers:
-        if i not in out | moved and steps(numbers[i]):
+        if i not in out | moved and moves_in_steps(numbers[i]):
             stepping.setdefault(np.flatnonzero(np.diff(numbers[i])).tobytes(), []).append(i)
     few = sorted(stepping, key=len)
     if "input" not in known and few and (len(few) == 1 or 3 * len(few[0]) < len(few[1])):
@@ -286,7 +286,7 @@ def slips(name: str, unit: str) -> bool:
     return quantity in ("torque", "force") or (not quantity and (named or not re.search("[A-Za-z]", name)))
 
 
-def kind_of(name: str, unit: str) -> ExperimentKind:
+def experiment_of_input(name: str, unit: str) -> ExperimentKind:
     """Experiment that a user's own choice of input column means."""
     for kind, groups in INPUT_GROUPS.items():
         if any(_alike([name], group.names, set()) for group in groups):
@@ -304,13 +304,13 @@ def default_unit(column: str, kind: ExperimentKind | None = None) -> str:
     return next((group.unit for group in groups if _alike([column], group.names, set())), "")
 
 
-def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> tuple[Table, Roles]:
+def chosen_table(source: str, tables: Sequence[LogTable], options: ReadOptions) -> tuple[LogTable, Roles]:
     """The one table that is a log: the one named, else the only one whose columns match."""
     wanted = [table for table in tables if options.variable in (None, table.name)]
     if not wanted:
         names = ", ".join(table.name or "(no name)" for table in tables[:12])
         raise DataError(f"{source}: holds no table {options.variable} for «variable»; it holds {names}")
-    good: list[tuple[Table, Roles]] = []
+    good: list[tuple[LogTable, Roles]] = []
     faults: list[DataError] = []
     for table in wanted[: 1 if options.variable is not None else None]:
         match = match_columns if any(table.columns) or "output" in options.columns else by_place
@@ -332,7 +332,7 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
         beside = [name for table in tables if all(table is not one for one, _ in good) for name in table.columns]
         if called := [beside[i] for i in _alike(beside, words, set())]:
             raise DataError(
-                f"{source}: {shown(called)} stands in another table, or is of another length, than the output; save "
+                f"{source}: {as_list(called)} stands in another table, or is of another length, than the output; save "
                 f"them on one clock, or say the level with «name_pattern»"
             )
     full = full or good
@@ -344,7 +344,7 @@ def chosen_table(source: str, tables: Sequence[Table], options: ReadOptions) -> 
     return full[0]
 
 
-def by_place(path: str, table: Table, options: ReadOptions) -> Roles:
+def by_place(path: str, table: LogTable, options: ReadOptions) -> Roles:
     """Columns without names: of two time, output, the first rising all the way; with a rate input, output.
 
     A matrix of three is time, input, output, as QuaRC writes it; a text of three is asked about as one of four.
@@ -387,7 +387,7 @@ def leaves_rest(values: NDArray[Any]) -> int | None:
     return int((away > beyond).argmax()) if 0 < 2 * beyond < away.max() else None
 
 
-def steps(values: NDArray[Any]) -> bool:
+def moves_in_steps(values: NDArray[Any]) -> bool:
     """Whether a column stands still but for a few jumps, each from one sample to the next, as a commanded input."""
     kept = values[np.isfinite(values)].astype(np.float64)
     span = float(np.ptp(kept)) if len(kept) >= FEWEST_IN_COLUMN else 0.0

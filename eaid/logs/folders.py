@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 
-from eaid.declared import chosen
+from eaid.declared import given_options
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, written_whole
 from eaid.logs.formats import format_of
@@ -32,11 +32,11 @@ SKIPPED = (
     ".md", ".txt~", ".part", ".json", ".png", ".jpg", ".jpeg", ".pdf", ".svg", ".html", ".toml", ".py", ".m", ".slx",
     ".mdl", ".yaml", ".yml", ".docx", ".pptx", ".ini",
 )  # fmt: skip
-HEAD_BYTES = 1 << 16  # Bytes of a text by which it is judged
+JUDGED_BYTES = 1 << 16  # Bytes of a text by which it is judged
 MANIFEST = "dataset.toml"
-SCHEMA = "eaid/manifest/2"
+MANIFEST_SCHEMA = "eaid/manifest/2"
 WRITE_AGAIN = "write it again with «write_manifest» of eaid ingest"
-Value = str | float | bool
+ManifestValue = str | float | bool
 
 
 def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None) -> list[Path]:
@@ -76,7 +76,7 @@ def files_of(paths: Iterable[Path], tell: Callable[[str], None] = lambda _: None
 def _sorted_out(folder: Path) -> tuple[list[Path], list[str]]:
     """The logs of a folder, and the names of what is left out, each in order."""
     kinds = {
-        item: _kind(item)
+        item: _kind_in_folder(item)
         for item in sorted(folder.iterdir())
         if item.is_file() and item.name[0] != "." and item.suffix.lower() not in SKIPPED and item.name != "Thumbs.db"
     }
@@ -85,7 +85,7 @@ def _sorted_out(folder: Path) -> tuple[list[Path], list[str]]:
     return [item for item in kinds if kinds[item] == wanted], [item.name for item in kinds if kinds[item] != wanted]
 
 
-def _kind(path: Path) -> str:
+def _kind_in_folder(path: Path) -> str:
     """log, Excel, data or replay of a file in a folder, by its ending, first bytes, or rows of numbers in a text."""
     ending = path.suffix.lower()
     if ending in LOGS:
@@ -97,7 +97,7 @@ def _kind(path: Path) -> str:
             with h5py.File(path, "r", locking=False) as file:
                 return str(file.attrs["schema"]).split("/")[1]
         with path.open("rb") as raw:
-            head = raw.read(HEAD_BYTES)
+            head = raw.read(JUDGED_BYTES)
     except OSError:
         return "log"  # refused by its name
     form = format_of(head[:4096]).name
@@ -111,7 +111,7 @@ class Manifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Options and left-out logs of a folder."""
 
     schema: str
-    options: dict[str, Value] = {}
+    options: dict[str, ManifestValue] = {}
     exclude: dict[str, str] = {}  # Name of a log → why it is not to be read
 
 
@@ -131,9 +131,9 @@ def _manifest(path: Path) -> Manifest:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as fault:  # no TOML, no UTF-8, nested too deep, a number of thousands of digits
         raise DataError(f"{path}: is no TOML ({fault}); {WRITE_AGAIN}") from None
-    if content.get("schema") != SCHEMA:
+    if content.get("schema") != MANIFEST_SCHEMA:
         raise DataError(
-            f"{path}: its schema is {content.get('schema')!r}, and this eaid reads {SCHEMA!r}; {WRITE_AGAIN}"
+            f"{path}: its schema is {content.get('schema')!r}, and this eaid reads {MANIFEST_SCHEMA!r}; {WRITE_AGAIN}"
         )
     try:
         return msgspec.convert(content, Manifest)
@@ -168,12 +168,12 @@ def logs_meant(
         warn(f"{path}: {len(out)} of {len(files)} logs excluded ({each})")
     if len(out) == len(files):
         raise DataError(f"{path}: excludes all its logs; take exclude off one")
-    return [file for file in files if file not in out], chosen(
+    return [file for file in files if file not in out], given_options(
         ReadOptions, None, {**manifest.options, **options.given()}
     )
 
 
-def write_manifest(files: Sequence[Path], options: Mapping[str, Value], force: bool = False) -> Path:
+def write_manifest(files: Sequence[Path], options: Mapping[str, ManifestValue], force: bool = False) -> Path:
     """Write `dataset.toml` beside the logs with the options as given on the command line; returns its path.
 
     Raises UsageError where the logs lie in several folders.
@@ -184,5 +184,5 @@ def write_manifest(files: Sequence[Path], options: Mapping[str, Value], force: b
     # TOML writes texts, numbers and truths as JSON does
     values = [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in options.items()]
     with written_whole(path, force=force) as (part,):
-        part.write_text("\n".join([f'schema = "{SCHEMA}"', "", "[options]", *values, ""]), encoding="utf-8")
+        part.write_text("\n".join([f'schema = "{MANIFEST_SCHEMA}"', "", "[options]", *values, ""]), encoding="utf-8")
     return path

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import msgspec
 
 from eaid.errors import DataError
-from eaid.logs.foreign.answer import LONGEST_S, Answer, Question, received, send
-from eaid.logs.table import Cells, Table
+from eaid.logs.foreign.answer import LONGEST_READ_S, Answer, Question, received, send
+from eaid.logs.table import Cells, LogTable
 
 NPY, ZIP, HDF5 = b"\x93NUMPY", b"PK\x03\x04", b"\x89HDF\r\n\x1a\n"
 OFFICE = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/")  # As the archives of its documents begin
@@ -99,7 +99,7 @@ class ForeignReader:
         self._process: subprocess.Popen[bytes] | None = None
         self.alone = threading.RLock()  # Held while one file is read: the process knows one file at a time
 
-    def tables(self, form: Format, path: Path, source: str) -> list[Table]:
+    def tables(self, form: Format, path: Path, source: str) -> list[LogTable]:
         """Tables of a file of a format."""
         if form.library and find_spec(form.library) is None:
             raise DataError(
@@ -128,7 +128,7 @@ class ForeignReader:
                 )  # fmt: skip
             process = self._process
             assert process.stdin is not None and process.stdout is not None
-            longest_s = LONGEST_S + Path(question.path).stat().st_size / 1e6
+            longest_s = LONGEST_READ_S + Path(question.path).stat().st_size / 1e6
             begun_s = time.monotonic()
             bell = threading.Timer(longest_s, process.kill)
             bell.start()

@@ -12,22 +12,22 @@ from typing import NamedTuple
 import numpy as np
 
 from eaid.logs.columns import chosen_table
-from eaid.logs.table import Cells, Table
+from eaid.logs.table import Cells, LogTable
 from eaid.options import ReadOptions
 
-FEWEST_ROWS = 20  # Of a run on the average: a column that changes more often tells none
+FEWEST_RUN_ROWS = 20  # Of a run on the average: a column that changes more often tells none
 MOST_KEYS = 8  # Columns that are looked at
 
 
-class Part(NamedTuple):
+class OneRun(NamedTuple):
     """The rows of one run."""
 
     column: str  # What the column that tells the runs apart is called
     value: float  # What stands there
-    table: Table
+    table: LogTable
 
 
-def runs_in(source: str, tables: Sequence[Table], options: ReadOptions) -> list[Part]:
+def runs_in(source: str, tables: Sequence[LogTable], options: ReadOptions) -> list[OneRun]:
     """The runs of a long table; none of a table of one log."""
     table, roles = chosen_table(source, tables, options)
     keys = [column for column in range(len(table.columns)) if column not in roles.taken][:MOST_KEYS]
@@ -37,18 +37,18 @@ def runs_in(source: str, tables: Sequence[Table], options: ReadOptions) -> list[
     falls = np.flatnonzero(np.diff(time) < 0) + 1
     for column, key in zip(keys, values, strict=True):
         begins = np.flatnonzero(np.diff(key) != 0) + 1
-        if len(falls) and np.isin(falls, begins).all() and FEWEST_ROWS * (len(begins) + 1) <= len(key):
+        if len(falls) and np.isin(falls, begins).all() and FEWEST_RUN_ROWS * (len(begins) + 1) <= len(key):
             ends = [0, *begins.tolist(), len(key)]
-            tables = _parted(table, ends)
-            return [Part(table.label(column), float(key[at]), one) for at, one in zip(ends[:-1], tables, strict=True)]
+            tables = _cut_table(table, ends)
+            return [OneRun(table.label(column), float(key[at]), one) for at, one in zip(ends[:-1], tables, strict=True)]
     return []
 
 
-def _parted(table: Table, ends: Sequence[int]) -> list[Table]:
+def _cut_table(table: LogTable, ends: Sequence[int]) -> list[LogTable]:
     """The table in parts, each from one of its ends to the next; every column is read once for all of them."""
     whole = lru_cache(maxsize=8)(table.load)
 
-    def of_rows(first: int, end: int) -> Table:
+    def of_rows(first: int, end: int) -> LogTable:
         def load(wanted: Sequence[int]) -> Cells:
             cells = whole(tuple(wanted))
             bad = tuple(replace(one, row=one.row - first) for one in cells.bad if first <= one.row < end)

@@ -18,7 +18,7 @@ from eaid.logs.run import Run
 from eaid.logs.units import COUNTERS
 from eaid.shown import listed
 
-Named = TypeVar("Named", Path, Run)
+PathOrRun = TypeVar("PathOrRun", Path, Run)
 _NUMBER = r"[+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _FACTOR = re.compile(rf"(?<![A-Za-z])([A-Za-z]+)=({_NUMBER}[A-Za-zµ%]*|[A-Za-z]+)")
 REPEATS = COUNTERS | {"rep", "repeat", "run", "trial", "test", "date", "time"}
@@ -46,10 +46,10 @@ def agreeing(files: Sequence[Path], where: Mapping[str, str]) -> list[Path]:
     """Files whose names do not say otherwise: those within a dataset are looked at when it is read."""
     wanted = {key: shortest(value) for key, value in where.items()}
     kept = [file for file in files if wanted.items() <= {**wanted, **factors_of(file.name)}.items()]
-    return kept or chosen(files, where)
+    return kept or named_like(files, where)
 
 
-def chosen(items: Sequence[Named], where: Mapping[str, str]) -> list[Named]:
+def named_like(items: Sequence[PathOrRun], where: Mapping[str, str]) -> list[PathOrRun]:
     """Those whose names say all of `where`; UsageError where there are none."""
     wanted = {key: shortest(value) for key, value in where.items()}
     kept = [one for one in items if wanted.items() <= factors_of(one.name).items()]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from eaid.arrays import median
-from eaid.declared import chosen, forms
+from eaid.declared import forms, given_options
 from eaid.errors import DataError, UsageError
 from eaid.files import LOGS, is_as_written, sha256_of
 from eaid.findings import Finding, finding
@@ -21,7 +21,7 @@ from eaid.logs.folders import files_of
 from eaid.logs.formats import ForeignReader, format_of, unread
 from eaid.logs.long import runs_in
 from eaid.logs.run import Run, numbered
-from eaid.logs.table import Cells, Table, seconds
+from eaid.logs.table import Cells, LogTable, seconds
 from eaid.logs.text import read_text
 from eaid.logs.to_run import run_of
 from eaid.logs.units import split_name
@@ -50,7 +50,7 @@ def read_like(paths: Sequence[Path], options: ReadOptions, before: Mapping[str, 
     Columns and units stand; the rate is taken where these logs say no time either.
     """
     given = options
-    options = chosen(ReadOptions, None, {k: v for k, v in before.items() if k in forms(Columns)} | given.given())
+    options = given_options(ReadOptions, None, {k: v for k, v in before.items() if k in forms(Columns)} | given.given())
     try:
         return read_runs(paths, options)
     except UsageError:  # a dataset says all itself
@@ -91,7 +91,7 @@ def read_what_can_be(
     idle = next((name for name in OF_COLUMNS if name in options.given()), None)
     if idle and runs and all(run.dataset for run in runs):
         raise UsageError(f"«{idle}»: does nothing on {runs[0].dataset}, a dataset, which says all itself; leave it out")
-    return together(runs, options), faults
+    return named_apart(runs, options), faults
 
 
 def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple[list[Run], list[str]]:
@@ -123,7 +123,7 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
 
 
 def _runs_of(
-    name: str, source: str, sha256: str, tables: Sequence[Table], options: ReadOptions, file: str
+    name: str, source: str, sha256: str, tables: Sequence[LogTable], options: ReadOptions, file: str
 ) -> tuple[list[Run], list[str]]:
     """The run of a file's tables, or the runs of a long one and what is wrong with the others."""
     try:
@@ -145,7 +145,7 @@ def _runs_of(
     return runs, faults
 
 
-def together(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
+def named_apart(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
     """Runs of one call, with names of their own, each told where it lies as far from the others as units do."""
     told: dict[int, Finding] = {}
     if "input" not in options.units:  # those of datasets were compared when they were ingested
@@ -200,7 +200,7 @@ def runs_from_frames(frames: "pandas.DataFrame | Mapping[str, pandas.DataFrame]"
     """
     runs: list[Run] = []
     faults: list[str] = []
-    for name, frame in _parted(frames).items():
+    for name, frame in _runs_of_frame(frames).items():
         try:
             if frame.empty:
                 raise DataError(f"{name}: the DataFrame is empty; give rows with columns of time, input and output")
@@ -213,10 +213,10 @@ def runs_from_frames(frames: "pandas.DataFrame | Mapping[str, pandas.DataFrame]"
             faults.extend(fault.sentences)
     if faults:
         raise DataError(*faults)
-    return together(runs, options)
+    return named_apart(runs, options)
 
 
-def _parted(frames: "pandas.DataFrame | Mapping[str, pandas.DataFrame]") -> "dict[str, pandas.DataFrame]":
+def _runs_of_frame(frames: "pandas.DataFrame | Mapping[str, pandas.DataFrame]") -> "dict[str, pandas.DataFrame]":
     if not isinstance(frames, Mapping):
         frame = _with_index(frames)
         if RUN not in frame.columns:
@@ -242,7 +242,7 @@ def _with_index(frame: "pandas.DataFrame") -> "pandas.DataFrame":
     return frame.reset_index() if any(name is not None for name in frame.index.names) else frame
 
 
-def _table_of(name: str, frame: "pandas.DataFrame") -> Table:
+def _table_of(name: str, frame: "pandas.DataFrame") -> LogTable:
     columns = {str(label): _array(frame[label]) for label in frame.columns if frame[label].ndim == 1}
     if len(columns) < len(frame.columns):
         raise DataError(f"{name}: several columns have one name; give each a name of its own")
@@ -252,7 +252,7 @@ def _table_of(name: str, frame: "pandas.DataFrame") -> Table:
     dropped = tuple(label for label in columns if label not in numbers)
     values = tuple(numbers.values())
     stamped = tuple(i for i, label in enumerate(numbers) if label in units)
-    return Table(
+    return LogTable(
         "", tuple(numbers), lambda wanted: Cells(tuple(values[i] for i in wanted)), declared, stamped=stamped,
         dropped=dropped,
     )  # fmt: skip

@@ -61,7 +61,7 @@ def with_times(load: Callable[[Sequence[int]], Cells], start_s: float, step_s: f
 
 
 @dataclass(frozen=True)
-class Table:
+class LogTable:
     """What the columns of a table are called, and how to read some of them."""
 
     name: str  # Variable, group or channel group; empty where a file is one table

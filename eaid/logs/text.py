@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from eaid.errors import DataError
 from eaid.logs.clocks import CLOCK_STAMP, seconds_of
-from eaid.logs.table import BadCell, Cells, Table, with_times
+from eaid.logs.table import BadCell, Cells, LogTable, with_times
 from eaid.logs.units import unit_of
 from eaid.shown import pandas
 
@@ -36,7 +36,7 @@ TABLE_ROWS = 3  # Rows of numbers, one below the other, that make a table
 HEAD_BYTES = 1 << 15
 PIECE = 1 << 22  # Characters that are read at once
 # A gzip that unpacks to more than this many times its size is taken for a bomb (recorded logs: about 10)
-MOST_RATIO = 200
+MOST_UNPACKED_RATIO = 200
 LONGEST_UNIT = 6  # Letters of a unit that eaid does not know: °C, mV/V, counts
 MOST_BAD = 10_000  # Bad cells that are listed; a log with more is refused whatever they are
 
@@ -141,7 +141,7 @@ def has_table(lines: list[str]) -> bool:
     return "+" * TABLE_ROWS in rows
 
 
-def sniff(path: str, head: bytes, read: Reading) -> Table:
+def sniff(path: str, head: bytes, read: Reading) -> LogTable:
     """The table of a text log by its first bytes; raises DataError where there is no table of numbers in them."""
     encoding, lines = encoding_of(head), lines_of(head)
     if not encoding:
@@ -181,10 +181,10 @@ def sniff(path: str, head: bytes, read: Reading) -> Table:
     synthetic = next((match[1].strip() for match in made_by if match), None)
     units = tuple("s" if i in stamps else unit for i, unit in enumerate(units))
     load = partial(read, Dialect(encoding, marks, count, start + 1, stamps))
-    return Table("", names, load, units, synthetic, stamped=stamps, unmatched=unmatched)
+    return LogTable("", names, load, units, synthetic, stamped=stamps, unmatched=unmatched)
 
 
-def _of_labview(path: str, encoding: str, lines: list[str], read: Reading) -> Table:
+def _of_labview(path: str, encoding: str, lines: list[str], read: Reading) -> LogTable:
     """The table of a LabVIEW measurement file, as its header says it; without times its first column is empty, and all
     channels have a step from row to row."""
     separator = "," if any(line.startswith("Separator,") for line in lines) else "\t"
@@ -206,7 +206,7 @@ def _of_labview(path: str, encoding: str, lines: list[str], read: Reading) -> Ta
             load = partial(with_times, load, *clock)
         else:
             names[0], units[0] = "", ""
-    return Table("", tuple(names), load, tuple(units))
+    return LogTable("", tuple(names), load, tuple(units))
 
 
 def _marks(lines: list[str], labelled: bool = False) -> tuple[Marks, int]:
@@ -326,7 +326,7 @@ def _is_units_row(cells: list[str]) -> bool:
     return 2 * sum(known) > len(known) and (short or all(known))
 
 
-def read_text(path: Path, source: str) -> list[Table]:
+def read_text(path: Path, source: str) -> list[LogTable]:
     """The one table of a text log; raises DataError where it holds none."""
     with path.open("rb") as raw:
         zipped = raw.read(2) == b"\x1f\x8b"
@@ -350,7 +350,7 @@ def _unpacked(path: Path, source: str, zipped: bool) -> Iterator[IO[bytes]]:
 
 def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequence[int]) -> Cells:
     """Columns of a text log; raises DataError where its commas may be decimal marks or stand between thousands."""
-    limit = max(MOST_RATIO * path.stat().st_size, 1 << 22) if zipped else math.inf
+    limit = max(MOST_UNPACKED_RATIO * path.stat().st_size, 1 << 22) if zipped else math.inf
     parts: list[list[NDArray[Any]]] = [[] for _ in columns]
     bad: list[BadCell] = []
     rows: list[tuple[int, int]] = []
@@ -362,7 +362,7 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
             seen += len(piece)
             if seen > limit:
                 raise DataError(
-                    f"{source}: unpacks to more than {MOST_RATIO} times its size, as no recorded log does; "
+                    f"{source}: unpacks to more than {MOST_UNPACKED_RATIO} times its size, as no recorded log does; "
                     f"unpack it yourself"
                 )
             first, line = line, line + piece.count("\n")

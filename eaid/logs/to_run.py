@@ -19,7 +19,7 @@ from eaid.logs.columns import MOTION, Roles, chosen_table, default_unit, leaves_
 from eaid.logs.names import level_and_repeat, unit_beside
 from eaid.logs.rows import checked
 from eaid.logs.run import INPUT_UNITS, Beside, Run
-from eaid.logs.table import Cells, Table, plain
+from eaid.logs.table import Cells, LogTable, plain
 from eaid.logs.units import UNKNOWN, Scale, numbers_samples, scale_of, split_name, unit_of, words_of
 from eaid.options import ReadOptions
 
@@ -33,7 +33,7 @@ ALIKE, ALTERNATES, FEWEST_TURNS, HELD_PART, GOES_WITH = 0.02, 0.95, 10, 0.25, (0
 MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
-def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
+def _loaded(source: str, table: LogTable, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
     """Columns by their number; DataError where one is too large or too small for a sensor."""
     columns = list(dict.fromkeys(one for one in wanted if one is not None))
     cells, sane = table.load(columns), dict[int, NDArray[Any]]()
@@ -51,7 +51,7 @@ def _loaded(source: str, table: Table, wanted: Sequence[int | None]) -> tuple[Ce
 
 
 def run_of(
-    name: str, source: str, sha256: str, tables: Sequence[Table], options: ReadOptions, file: str = ""
+    name: str, source: str, sha256: str, tables: Sequence[LogTable], options: ReadOptions, file: str = ""
 ) -> Run:  # fmt: skip
     """The run behind the tables of one log; the name pattern is looked for in `file`, or in the name."""
     name = plain(name)
@@ -165,7 +165,7 @@ def without_switches(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
     return found
 
 
-def _clock(source: str, table: Table, roles: Roles, options: ReadOptions) -> int | None:
+def _clock(source: str, table: LogTable, roles: Roles, options: ReadOptions) -> int | None:
     """The column of the time; None where the user gives the rate of rows that nothing but numbers them, or whose stamps
     have too few digits to tell one from the next."""
     if roles.time is None or options.rate_hz is None:
@@ -176,7 +176,7 @@ def _clock(source: str, table: Table, roles: Roles, options: ReadOptions) -> int
     raise DataError(f"{source}: has a time column, {table.label(roles.time)}, so «rate_hz» does nothing; leave it out")
 
 
-def _position_unit(table: Table, roles: Roles, options: ReadOptions) -> str:
+def _position_unit(table: LogTable, roles: Roles, options: ReadOptions) -> str:
     """The unit of a position as it is called: nothing is turned into it."""
     if roles.position is None or options.units.get("position"):
         return options.units.get("position", "")
@@ -203,7 +203,7 @@ def _asked_once(findings: Sequence[Finding]) -> list[Finding]:
     return [one, *(other for other in findings if other not in open_)]
 
 
-def _beside(table: Table, roles: Roles, rows: slice | NDArray[np.intp]) -> Beside:
+def _beside(table: LogTable, roles: Roles, rows: slice | NDArray[np.intp]) -> Beside:
     """The few columns that are not read, where they are numbers that move and no clock."""
     others = [column for column in range(len(table.columns)) if column not in roles.taken]
     cells: tuple[NDArray[Any], ...] = ()

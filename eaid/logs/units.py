@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from eaid.arrays import Array, read_only
 from eaid.errors import DataError, UsageError
 from eaid.findings import Finding, finding
-from eaid.logs.table import Table
+from eaid.logs.table import LogTable
 
 UNKNOWN = "a.u."  # The unit, arbitrary, of an input or output of which nobody says one
 
@@ -143,7 +143,7 @@ class Scale:
         return read_only(values if self.factor == 1.0 else values * self.factor)
 
 
-def declared_unit(path: str, role: str, given: str | None, table: Table, column: int) -> str:
+def declared_unit(path: str, role: str, given: str | None, table: LogTable, column: int) -> str:
     """The unit of a column as its file or its name says it; empty where neither does.
 
     Raises DataError for a number beside it (`x100`: multiply or divide?), and where the user says another unit.
@@ -177,7 +177,7 @@ def declared_unit(path: str, role: str, given: str | None, table: Table, column:
     return text
 
 
-def scale_of(path: str, role: str, given: str | None, table: Table, column: int, default: str) -> Scale:
+def scale_of(path: str, role: str, given: str | None, table: LogTable, column: int, default: str) -> Scale:
     """Unit and factor of a column: what the user says, else the file, else the column's name, else the default."""
     label = table.label(column)
     if unit_of(given or "").quantity == "time":

@@ -27,13 +27,13 @@ from eaid.planning.widths import Widths, fitted_rig, percent, relative_rows, set
 from eaid.plant.drive import ROW_NUMBER, Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven
-from eaid.recorded.curve_intervals import held
+from eaid.recorded.curve_intervals import held_curves
 from eaid.recorded.from_logs import finish, setup_of
 from eaid.recorded.log_intervals import spread
 from eaid.results.fit import Fit
 from eaid.results.models import Noise
 from eaid.results.plan import Excitation
-from eaid.synth.logs import measured, scatter
+from eaid.synth.logs import scatter, sensed
 from eaid.synth.plants import clutch
 
 MOST_ENGAGEMENTS = 60
@@ -248,14 +248,14 @@ def recording_widths(
     for number in np.unique(engagement):
         part = engagement == number
         torque[part] = driven(plant.acting(scatter(disturbance, draw)), start, duty, time_s)[part]
-    output = measured(torque, time_s, np.zeros_like(time_s), disturbance, draw)
+    output = sensed(torque, time_s, np.zeros_like(time_s), disturbance, draw)
     duties = np.linspace(*p.u_range, WIDTH_INPUTS)
     model = nonlinear(duties, p.C)
     setup = setup_of(model, [RecordedLog("planned", time_s, duty[place], output)])
     solved = finish(setup, [np.append(model.unknowns(p), np.zeros(setup.size - model.size))])
     known, slopes = spread(solved), setup.slopes(duties)
     half = np.apply_along_axis(known.of, 2, slopes) / (slopes @ solved.x)
-    unknown = [name in held(solved) for name in PARAMETERS]
+    unknown = [name in held_curves(solved) for name in PARAMETERS]
     return dict(zip(PARAMETERS, percent(np.where(unknown, np.inf, half.max(axis=1))).tolist(), strict=True))
 
 

@@ -27,7 +27,7 @@ from eaid.plant.dynamics import SHARE
 from eaid.results.fit import Fit
 from eaid.results.models import FrictionLevel, Noise
 from eaid.results.plan import Plan
-from eaid.synth.plants import Specimen, clutch, of_fit
+from eaid.synth.plants import Specimen, clutch, of_model
 
 # Hold times tried, in units of each level's τ2: a record of about τ2 or less does not determine it
 HOLD_FACTORS = (1.5, 2.0, 3.0, 4.0)
@@ -39,7 +39,7 @@ LEAST_REPEATS, MOST_REPEATS = 3, 20
 KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
 # Share of the draws that must keep a promised T_s, τ1, τ2 for that: what sessions have beyond the draws (ends by score
 # tests, scatter of levels) was measured (`benchmarks.plans`)
-SHARES = (0.9, 0.8, 0.84)
+KEPT_SHARES = (0.9, 0.8, 0.84)
 SESSION_DRAWS = 200  # Draws behind that
 UNTOLD = 1e6  # A half-width above which nothing is told [%]
 STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken
@@ -345,7 +345,7 @@ class FittedRig:
                 degrees[:, 0] = satterthwaite((usual[:, 0], beyond), (degrees[:, 0], spare))
                 seen[:, 0] += beyond
             worst = np.nan_to_num(t_quantile(degrees) * np.sqrt(seen), nan=np.inf).max(axis=2)
-            quantiles = [np.quantile(each, share) for each, share in zip(worst.T, SHARES, strict=False)]
+            quantiles = [np.quantile(each, share) for each, share in zip(worst.T, KEPT_SHARES, strict=False)]
         return dict(zip(self.numbers, percent(np.array(quantiles)).tolist(), strict=True))
 
     def drawn(self, n: int, seed: int) -> list[tuple[Specimen, Noise]]:
@@ -366,7 +366,7 @@ def fitted_rig(fit: Fit) -> FittedRig:
     """The rig that a fit describes; `DataError` where it holds neither a nonlinear nor a friction model."""
     if fit.nonlinear is None and fit.plant_ is None and (fit.data.kind == "clutch" or not fit.friction_levels):
         raise DataError("the fit holds neither a nonlinear nor a friction model to plan with; fit again")
-    plant = of_fit(fit, fit.data.kind if fit.nonlinear is None and fit.plant_ is None else "clutch", "a fit")
+    plant = of_model(fit, fit.data.kind if fit.nonlinear is None and fit.plant_ is None else "clutch", "a fit")
     levels: Sequence[float] = plant.levels
     if plant.model is not None:
         refuse_unplanned(plant.model)

@@ -32,9 +32,9 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.errors import DataError
 from eaid.plant.forms import (
+    KnownPoints,
     LegendreForm,
     Pieces,
-    Points,
     Proportional,
     Range,
     above_rest,
@@ -67,7 +67,7 @@ class Plant:
     zeta: float | None = None  # ζ; None: one lag, or two in parallel
     zero: float = 0.0  # z of series and ringing
     Ts_below: Powers = ()  # T_s of an input below rest, polynomial of |u|; empty: the input has one sign
-    Ts_through: Points = ()  # Values that T_s(u) goes through, in place of its polynomial
+    Ts_through: KnownPoints = ()  # Values that T_s(u) goes through, in place of its polynomial
     dead_time_s: float = 0.0  # θ [s]
     idle: float = 0.0  # Output at rest
     floor_s: float = TAU_FLOOR_S  # Least time constant [s]: 1 ms, less where the logs are sampled faster

@@ -23,9 +23,9 @@ from eaid.errors import DataError
 LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
 Range = tuple[float, float]  # Lowest and highest identified input, by size
 # From which input on, and the cubic that holds from there, of the input above it, lowest power first
-Piece = tuple[float, float, float, float, float]
-Pieces = tuple[Piece, ...]
-Points = tuple[tuple[float, float], ...]  # Inputs, rising, and a value at each
+CubicPiece = tuple[float, float, float, float, float]
+Pieces = tuple[CubicPiece, ...]
+KnownPoints = tuple[tuple[float, float], ...]  # Inputs, rising, and a value at each
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ def curve(coefficients: tuple[float, ...], u: Array | float, u_range: Range) -> 
     return np.asarray(polyval(np.clip(u, *u_range), coefficients))
 
 
-def cubic(name: str, coefficients: tuple[float, ...]) -> Piece:
+def cubic(name: str, coefficients: tuple[float, ...]) -> CubicPiece:
     """A polynomial as the piece that holds from 0 on; DataError where it has more coefficients than Eq. (7)."""
     if len(coefficients) > 4:
         raise DataError(f"nonlinear.{name} has {len(coefficients)} coefficients; a plant takes 1 to 4")
@@ -157,7 +157,7 @@ def cubic(name: str, coefficients: tuple[float, ...]) -> Piece:
     return 0.0, c0, c1, c2, c3
 
 
-def pieces_through(points: Points) -> Pieces:
+def pieces_through(points: KnownPoints) -> Pieces:
     """Cubics through some values with a slope that does not jump, and no overshoot between two (Fritsch, Carlson); a
     constant through one."""
     inputs, values = np.array(points).T
@@ -170,7 +170,7 @@ def pieces_through(points: Points) -> Pieces:
     return tuple((at, c0, c1, c2, c3) for at, (c0, c1, c2, c3) in rows)
 
 
-def refuse_unordered(points: Points) -> None:
+def refuse_unordered(points: KnownPoints) -> None:
     """`ValueError` where the inputs of some values do not rise."""
     if any(a >= b for (a, _), (b, _) in itertools.pairwise(points)):
         raise ValueError("the inputs of Ts_through have to rise")

@@ -93,7 +93,7 @@ def unforeseen(values: Array, coefficients: Array) -> Array:
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def played(values: Array, width: float) -> Array:
+def follow_play(values: Array, width: float) -> Array:
     """What follows values through a play of a width, (n,): it moves where they have crossed the gap."""
     found, at = values.copy(), values[0]
     for row in range(len(values)):

@@ -42,7 +42,7 @@ FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at 
 FAR_OFF_PCT = 3.0  # Of the fit that one lag lacks, from which on it is not asked again
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
 AS_WELL_SHAPED = 1.1  # What it leaves of the steps' shapes over what these leave, at most
-LEAST_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
+MUST_EXPLAIN_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 
 
 def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: float = 0.0) -> Fit:
@@ -92,7 +92,9 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
     swings = part.plant.kind in ("ringing", "series", "overshoot")
     left, of_clutch = subtract_white_noise(((100 - shapes[0]) ** 2, (100 - shapes[1]) ** 2), noise_pct(logs) ** 2)
     far_better = swings and left <= FAR_BETTER**2 * of_clutch
-    explains = whole[0] >= LEAST_PCT or min(explained_pct(other, [log], True) for log in logs) >= LEAST_PCT
+    explains = (
+        whole[0] >= MUST_EXPLAIN_PCT or min(explained_pct(other, [log], True) for log in logs) >= MUST_EXPLAIN_PCT
+    )
     return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
 
 

@@ -78,7 +78,7 @@ from eaid.results.recorded import FallTest, KindTried
 
 BEYOND_REACHED = 3.0  # Times the output that was reached, beyond which no T_s is believed
 OPEN_TS = 0.2  # Relative half-width beyond which T_s is open
-LITTLE_PCT = 15.0  # Of a log that a kind has to explain
+LITTLE_BY_KIND_PCT = 15.0  # Of a log that a kind has to explain
 LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
 AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave more than the same with another C
@@ -230,7 +230,7 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     if rows[0] is not searched.rows[0]:
         rows[0] = refit_on_all(searched.search, rows[0], last=True)
     best, total, of_loops = rows[0], sum(squares_about_mean(log) for log in logs), searched.of_loops
-    explains = best.cost <= (1 - LITTLE_PCT / 100) ** 2 * total  # noise alone wanders, too
+    explains = best.cost <= (1 - LITTLE_BY_KIND_PCT / 100) ** 2 * total  # noise alone wanders, too
     if explains and not of_loops and integrates(searched.search, best):
         raise DataError(*(integrator_message(log) for log in logs))
     kinds = tuple(kind_row(one, total, best.score) for one in rows)
@@ -238,7 +238,7 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     if (
         falls_with_input(best, inputs)
         and not (signed or of_loops)
-        and (kinds[0].fit_pct or 0.0) > LITTLE_PCT
+        and (kinds[0].fit_pct or 0.0) > LITTLE_BY_KIND_PCT
         and not drift_findings(best.solved, logs)
     ):
         raise DataError(*(wrong_sign_message(log) for log in logs))
@@ -316,7 +316,7 @@ def _kind_findings(best: Tried, kinds: Sequence[KindTried], logs: Sequence[Recor
             clutch_pct=None if own is None else own.fit_pct, clutch_unknowns=None if own is None else own.unknowns,
         )
     ]  # fmt: skip
-    if (kinds[0].fit_pct or 0.0) < LITTLE_PCT:
+    if (kinds[0].fit_pct or 0.0) < LITTLE_BY_KIND_PCT:
         told.append(finding("no-kind-explains", "nonlinear", fit_pct=kinds[0].fit_pct))
     return [*told, *(finding("dead-time", log.name, dead_time_s=theta_s) for log in logs if theta_s > 0)]
 

@@ -18,7 +18,7 @@ from eaid.arrays import Array, median
 from eaid.control.pi import PIGains
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
-from eaid.options import Rig
+from eaid.options import RigExtras
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
 from eaid.recorded.few_rows import Copies
@@ -30,7 +30,7 @@ from eaid.replay.loop import replay
 from eaid.results.recorded import Loop
 
 LAW_PCT = 80.0  # A law that explains less of the duty's changes is none
-LEAST_ROWS = 50  # Rows off the limits that a law is told by
+LEAST_LAW_ROWS = 50  # Rows off the limits that a law is told by
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ def law_behind(log: RecordedLog) -> LawFound | None:
     off = (u > 0) & (u < float(u.max()) * (1 - 1e-9))
     off &= np.isfinite(e)
     rows = np.flatnonzero(off[1:] & off[:-1]) + 1
-    if len(rows) < LEAST_ROWS:
+    if len(rows) < LEAST_LAW_ROWS:
         return None
     design = np.column_stack([e[rows] - e[rows - 1], log.dt_s[rows - 1] * e[rows - 1]])
     wanted = u[rows] - u[rows - 1]
@@ -67,7 +67,7 @@ def simulate_loop(solved: Solved, index: int, log: RecordedLog, law: LawFound) -
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (len(log.input) - 1)
     idle, before = idle_found(solved, index) + (log.baseline or 0.0), np.zeros(int(np.argmax(log.input > 0)))
     wanted = log.reference[len(before) :] - idle  # the law acts on its distance from what is read
-    loop = replay(plant_numbers(plant_found(solved)), feedback(law.gains), wanted, Rig(), dt_s)
+    loop = replay(plant_numbers(plant_found(solved)), feedback(law.gains), wanted, RigExtras(), dt_s)
     duty, torque = (np.append(before, loop[name]) for name in ("duty_pct", "torque_nm"))
     return replace(log, input=duty, output=torque + idle, idle_start=log.starts_idle)
 
@@ -129,7 +129,7 @@ def _by_instruments(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[La
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
             if law is not None:
                 drives[k] = Copies(simulate_loop(now, k, log, law)).every
-        settled = _solve(base, x, tuple(drives))
+        settled = _solve_instruments(base, x, tuple(drives))
         if settled is None:
             return None
         x = settled
@@ -139,7 +139,7 @@ def _by_instruments(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[La
     return replace(base, x=x, instruments=tuple(drives))
 
 
-def _solve(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:
+def _solve_instruments(base: Solved, x: Array, drives: tuple[Drive, ...]) -> Array | None:
     """Where Σ Z' r is 0 in the directions that no constraint holds, by damped Newton steps from x; None where they do
     not settle."""
     clean = replace(base.setup, drives=drives)

@@ -22,10 +22,10 @@ from eaid.levels.creep import SHARE_CHANCE
 from eaid.plant.sums import lagged
 from eaid.recorded.from_logs import Solved, fit_near, fit_setup, idle_found, setup_of
 from eaid.recorded.kinds import count_independent
-from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, effective_samples, gains_of, spread
+from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, effective_samples, gains_of_engagements, spread
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
-DRIFT_CHANCE = 0.01  # That gains of engagements which scatter alone go so with time
+GAIN_DRIFT_CHANCE = 0.01  # That gains of engagements which scatter alone go so with time
 LEAST_GAIN, SURE_GAIN = 0.03, 0.001  # Part by which a gain drifts over a log that is told, and to which it is found
 GUESSED_LAGS, GUESSED_SURELY = (0.002, 0.01, 0.05), 3.0  # Parts of a log; standard errors of a creep that is guessed
 LED_ASTRAY = 0.5  # Squares with a creep over those without, up to which a fit without it was led astray
@@ -107,7 +107,7 @@ def _scatter_explains(solved: Solved) -> bool:
     their line, of logs that hold several."""
     parts = []
     for k, drive in enumerate(solved.setup.drives):
-        _, which, _, gain, loaded = gains_of(solved, k)
+        _, which, _, gain, loaded = gains_of_engagements(solved, k)
         share = np.cumsum(drive.dt_s)[drive.w > 0] / float(drive.dt_s.sum())
         at = (np.bincount(which, share) / np.maximum(np.bincount(which), 1))[loaded]
         parts.append((at - at.mean(), gain[loaded] - gain[loaded].mean()))
@@ -117,7 +117,7 @@ def _scatter_explains(solved: Solved) -> bool:
         return False
     slope, size = float(t @ d) / float(t @ t), float(t @ t)
     error = np.sqrt(float((d - slope * t) @ (d - slope * t)) / spare / size)
-    return bool(abs(slope) < t_quantile(spare, 1 - DRIFT_CHANCE) * error)
+    return bool(abs(slope) < t_quantile(spare, 1 - GAIN_DRIFT_CHANCE) * error)
 
 
 def _fit_drift(solved: Solved) -> tuple[float, Array, bool]:

@@ -76,7 +76,7 @@ OF_SOME_INPUTS = ("tau2-endless", "Ts-zero")  # Constraints that say nothing of 
 PARABOLA = 0.05  # Half-width in the logarithm up to which a parabola is a picture of the cost
 
 
-def held(solved: Solved) -> set[str]:
+def held_curves(solved: Solved) -> set[str]:
     """Which of T_s, τ1, τ2 an active constraint holds at some input."""
     held = solved.setup.limits.active(i for i in solved.active.tolist() if i < len(solved.setup.limits.b))
     # an endless τ2 is none of the inputs where it is not, and a T_s of 0 next to rest none of those above
@@ -123,7 +123,7 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
     """Intervals of log T_s, log τ1, log τ2 at some inputs within the range."""
     slopes = solved.setup.slopes(duty)
     values = slopes @ solved.x
-    constrained = held(solved)  # what a constraint holds is not estimated
+    constrained = held_curves(solved)  # what a constraint holds is not estimated
     noise, direct = uncertainty.scatter, solved.instruments is None
     x = approach(solved.fitted.problem(), solved.x).x if direct else solved.x
     covariance = newton(solved.fitted, noise, x)[1]

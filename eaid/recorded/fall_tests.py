@@ -81,7 +81,7 @@ def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple
             value, half = scale * float(one.values[k]), scale * float(one.half[k])
             ends = (value - half, value + half) if half < WIDEST_HALF and extra != "rest" else None
             rows.append(FallTest(name, value, ends, one.chance, extra in base.setup.extras))
-    return base, tuple(rows), _findings(base, judgements)
+    return base, tuple(rows), _falls_findings(base, judgements)
 
 
 def fit_falls_as_left(base: Solved) -> Solved:
@@ -176,7 +176,7 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
     return float(fdtrc(len(off), max(min(degrees), 1.0), statistic))
 
 
-def _findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, ...]:
+def _falls_findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, ...]:
     seen = "release-as-left" if solved.setup.falls_as_left else "release-not-seen"
     findings, kept = [finding(seen, "release")], solved.setup.extras
     if "rest" in judgements:

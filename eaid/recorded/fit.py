@@ -20,7 +20,7 @@ from eaid.estimate import forms
 from eaid.estimate.coefficients import map_unknowns, with_intervals
 from eaid.estimate.data import data_of, errors
 from eaid.estimate.own_level import AS_LIMITED
-from eaid.estimate.recorded_log import RecordedLog, changes_in_gaps, logs_of_steps, parts_of, recorded_log
+from eaid.estimate.recorded_log import RecordedLog, changes_in_gaps, logs_of_steps, recorded_log, split_at_gaps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
@@ -319,7 +319,7 @@ def experiment_of(
 ) -> Experiment:  # fmt: skip
     """Logs as they are fitted, beside steps of the same clutch; `DataError` for those that tell nothing."""
     refuse(logs)
-    logs = [part for log in logs for part in parts_of(log)]
+    logs = [part for log in logs for part in split_at_gaps(log)]
     signed = any(float(log.input.min()) < 0 for log in logs)  # no plant of both sides is fitted with steps
     others = logs_of_steps(steps) if steps is not None and not signed else []
     inputs = find_inputs([*logs, *others], options.duty)

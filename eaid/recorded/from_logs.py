@@ -19,7 +19,7 @@ from eaid.estimate.recorded_log import RecordedLog, creep_at
 from eaid.estimate.solver import (
     CONVERGED,
     ROUNDING,
-    SETTLED,
+    SOLVE_SETTLED,
     EndPoint,
     Problem,
     approach,
@@ -31,7 +31,7 @@ from eaid.estimate.solver import (
     solver_verdict,
     with_second_derivatives,
 )
-from eaid.estimate.starts import MOST_STARTS, SHARES, time_constants
+from eaid.estimate.starts import MOST_STARTS, START_SHARES, time_constants
 from eaid.levels.from_steps import CHI2_APART
 from eaid.plant.derivatives import at_first, derivatives, swinging
 from eaid.plant.drive import AT_CREEP, AT_IDLE, Drive, Tables, beginning, delayed
@@ -291,7 +291,7 @@ def starts(setup: Setup, problem: Problem) -> list[Array]:
     turns = [_turn(form) for form in (model.tau1, model.tau2) if form is not None]
     M, found = model.rows(model.limited), []
     some = replace(setup, drives=tuple(beginning(drive, GRID_ROWS) for drive in setup.drives))
-    for share in SHARES if model.share is None else (model.share,):
+    for share in START_SHARES if model.share is None else (model.share,):
 
         def placed(*values: Array, share: float = share) -> Array:
             """x of N values of τ1 and τ2 each, (N, n)."""
@@ -414,10 +414,10 @@ def finish(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequence
     if not held:  # copies are averages, and their ends near ones
         near = setup.every.problem()
         ends = [approach(near, end.x) for end in ends]
-    end, predicted, active = polish(near, pick_least_slow(setup, ends), finished=SETTLED)
+    end, predicted, active = polish(near, pick_least_slow(setup, ends), finished=SOLVE_SETTLED)
     if predicted > CONVERGED:  # far from a parabola
         near = with_second_derivatives(near)
-        end, predicted, active = polish(near, slsqp(near, end), steps=LONG_WAY, finished=SETTLED)
+        end, predicted, active = polish(near, slsqp(near, end), steps=LONG_WAY, finished=SOLVE_SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = solver_verdict(
         predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active]

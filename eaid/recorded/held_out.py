@@ -10,9 +10,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eaid.arrays import Array
+from eaid.arrays import Array, Mask
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import approach
 from eaid.levels.unseen import judge_unseen
@@ -22,7 +21,6 @@ from eaid.recorded.creep import hold_creeps
 from eaid.recorded.from_logs import Setup, Solved, setup_of
 from eaid.results.recorded import LogsHeldOut
 
-Mask = NDArray[np.bool_]
 THIRDS = ("last", "middle", "first")
 MOST_FOLDS = 4  # Of several logs
 AGREES = 0.02  # Part by which the whole fit may leave more of the others than their own
@@ -36,7 +34,7 @@ def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[Recor
         return None
     all_logs, folds = [*logs, *others], list[tuple[str, float, int, bool]]()
     solved = hold_creeps(solved)
-    for named, rows in _parts(logs):
+    for named, rows in _parts_left_out(logs):
         part = [replace(log, output=np.where(out, np.nan, log.output)) for log, out in zip(logs, rows, strict=True)]
         missed, agrees = _missed(solved, [*part, *others], all_logs)
         seen = [out[np.isfinite(log.output)] for out, log in zip(rows, logs, strict=True)]
@@ -60,26 +58,26 @@ def _judge_folds(folds: Sequence[tuple[str, float, int, bool]], size: float, rms
     return LogsHeldOut(names[-1], 100 * (1 - rms / size), 100 * (1 - held / size))
 
 
-def _parts(logs: Sequence[RecordedLog]) -> Iterator[tuple[str, list[Mask]]]:
+def _parts_left_out(logs: Sequence[RecordedLog]) -> Iterator[tuple[str, list[Mask]]]:
     """What is left out of each log, one fit after another, and its name."""
     nothing = [np.zeros(len(log.input), dtype=bool) for log in logs]
     if len(logs) > 1:
         folds = min(len(logs), MOST_FOLDS)
         for fold in range(folds):
             rows = [none | (k % folds == fold) for k, none in enumerate(nothing)]
-            if _within(logs, rows):
+            if _inputs_within(logs, rows):
                 yield "logs", rows
         return
     (log,) = logs
     share = (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
     for name, low in zip(THIRDS, (2 / 3, 1 / 3, 0.0), strict=True):
         rows = [(share >= low) & (share <= low + 1 / 3)]
-        if _within(logs, rows):
+        if _inputs_within(logs, rows):
             yield f"{name} third", rows
             return
 
 
-def _within(logs: Sequence[RecordedLog], rows: Sequence[Mask]) -> bool:
+def _inputs_within(logs: Sequence[RecordedLog], rows: Sequence[Mask]) -> bool:
     """Whether the inputs left out lie within the others, which move, too."""
     out = np.concatenate([log.input[one] for log, one in zip(logs, rows, strict=True)])
     seen = np.concatenate([log.input[~one] for log, one in zip(logs, rows, strict=True)])

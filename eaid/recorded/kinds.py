@@ -35,8 +35,8 @@ PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
 KINDS_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
 LAST_STEPS = 4
 THROUGH_ALL = 0.9  # Part of the squares that a gain through every level may leave at most
-MOST_ROWS = 2**20  # Of a log, in which its frequencies are looked for
-BEGUN = 3  # Places of the grid from which each kind is fitted
+MOST_SPECTRUM_ROWS = 2**20  # Of a log, in which its frequencies are looked for
+BEGUN_PLACES = 3  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
 PACES = (1, 2)  # Degrees of time constants over the input
 SLOW_PART = 0.4  # Of the longest log, up to which a slow part beside a fast one is no drift
@@ -207,7 +207,7 @@ def find_best_places(search: Search, kind: LagKind, grid: Sequence[GridPlace]) -
     for place in sorted(rows, key=lambda one: one.costs[kind.zero]):
         if all(abs(math.log(place.tau / one.tau)) > 0.7 for one in best):
             best.append(place)
-        if len(best) == BEGUN:
+        if len(best) == BEGUN_PLACES:
             break
     return best
 
@@ -215,7 +215,7 @@ def find_best_places(search: Search, kind: LagKind, grid: Sequence[GridPlace]) -
 def find_peak_frequencies(search: Search) -> list[float]:
     """Frequencies at which the outputs have most, 0 left out [rad/s]."""
     log = max(search.logs, key=lambda one: len(one.time_s))
-    y, dt_s = np.nan_to_num(log.output[:MOST_ROWS] - np.nanmean(log.output)), log.usual_s
+    y, dt_s = np.nan_to_num(log.output[:MOST_SPECTRUM_ROWS] - np.nanmean(log.output)), log.usual_s
     power = np.abs(np.fft.rfft(np.diff(y))) ** 2
     top = np.argsort(power[1:])[-2:] + 1
     return [float(2 * np.pi * k / ((len(y) - 1) * dt_s)) for k in top]

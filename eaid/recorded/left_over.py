@@ -15,22 +15,20 @@ import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from eaid.arrays import Array, means_of
+from eaid.arrays import Array, Mask, means_of
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
-from eaid.plant.sums import lagged, played, unforeseen
+from eaid.plant.sums import follow_play, lagged, unforeseen
 from eaid.recorded.from_logs import Solved, plant_found
 from eaid.recorded.late import ORDER, autoregression
 from eaid.recorded.log_intervals import effective_samples
 
-Mask = NDArray[np.bool_]
 PLAYS = (0.1, 0.3, 0.6)  # Widths, in parts of the input's range
 FUNCTIONS, OF_SIZE = 5 + len(PLAYS), 3  # Of the input, and those of its size among them
 MUCH = 0.15  # Part of the residuals' squares, beyond chance
-SURE = 5.0  # Errors of the slope: of random walks, with models fitted to them, 4.3 at most (40), of rigs 8 at least
-PARTS = (0.0, 0.05, 0.2, 0.5)  # Of the slowest lag, over which both are averaged before; that counts which shows most
+CLEAR_SD = 5.0  # Errors of the slope: of random walks, with models fitted to them, 4.3 at most (40), of rigs 8 at least
+WINDOWS = (0.0, 0.05, 0.2, 0.5)  # Of the slowest lag, over which both are averaged before; that counts which shows most
 FEWEST_MEANS, MOST_MEANS, MOST_ROWS = 100, 20_000, 200_000
 LEFT_SEEN = 0.03  # Part of the output's standard deviation that the part explained has at least
 
@@ -112,7 +110,7 @@ def drift_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]
         return []
     plant, found = plant_found(solved), 0.0
     tau_s = plant.slowest_s(max(plant.u_range))
-    for part in PARTS:
+    for part in WINDOWS:
         along = square = total = 0.0
         count = 0
         for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
@@ -125,7 +123,7 @@ def drift_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]
             count += len(one)
         left = max(total - along**2 / max(square, 1e-300), 1e-300)
         found = max(found, float(along / np.sqrt(max(square, 1e-300) * left / max(count, 1))))
-    return [] if found > SURE else [finding("drift-explains-as-much", "nonlinear", errors=found)]
+    return [] if found > CLEAR_SD else [finding("drift-explains-as-much", "nonlinear", errors=found)]
 
 
 def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) -> Iterator[Array]:
@@ -136,6 +134,6 @@ def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) ->
     last = np.maximum.accumulate(np.where(change != 0, np.arange(len(u)), 0))
     moved = change[last]
     for behind in (False, True):
-        plays = (played(u, width * float(np.ptp(u))) for width in PLAYS)
+        plays = (follow_play(u, width * float(np.ptp(u))) for width in PLAYS)
         for raw in itertools.chain((u, u * np.abs(u), u**3, moved, moved * np.abs(u)), plays):
             yield lagged(raw[:, None], dt_s, max(tau_s, 1e-3 * dt_s))[:, 0] if behind else raw

@@ -39,7 +39,7 @@ FEWEST_LINES = 8  # … and at least so many lines
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class BinnedLog:
     """One log in bins, (n, …)."""
 
     starts: NDArray[np.intp]  # First row of each bin
@@ -60,7 +60,7 @@ class Piece:
         return np.asarray(np.add.reduceat(values, np.flatnonzero(np.diff(self.engaged, prepend=-1) != 0)))
 
 
-def piece_of(solved: Solved, clean: Setup, log: int) -> tuple[Piece, Array]:
+def bin_log(solved: Solved, clean: Setup, log: int) -> tuple[BinnedLog, Array]:
     """One log in bins, its derivatives Z those of a `clean` drive, and its part of H, (n, n)."""
     setup, x, drive = solved.setup, solved.x, solved.setup.drives[log]
     counted, columns = drive.w > 0, setup.places[log].columns
@@ -87,7 +87,7 @@ def piece_of(solved: Solved, clean: Setup, log: int) -> tuple[Piece, Array]:
     sizes = np.add.reduceat(output, starts) / np.diff(np.append(starts, len(output)))
     bin_s = step * float(drive.dt_s.sum()) / max(len(output), 1)
     squares, engaged = np.add.reduceat(output**2, starts), engagements(drive)[counted][starts]
-    return Piece(starts, sizes, plain, scaled, squares, step, bin_s, engaged), H
+    return BinnedLog(starts, sizes, plain, scaled, squares, step, bin_s, engaged), H
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,14 +116,14 @@ class Lines:
         total = float(parts.sum())
         if not 0 < total < np.inf:
             return total, 1.0
-        even = (_smooth(part / total, self.half) for part in parts)
+        even = (_smooth_lines(part / total, self.half) for part in parts)
         spread = sum(
             float((one**2 / left).sum()) / apart for one, apart, left in zip(even, self.apart, self.left, strict=True)
         )
         return total, max(2 / spread, 1.0)
 
 
-def find_lines(piece: Piece, r: Array, pull: Array) -> Lines:
+def find_lines(piece: BinnedLog, r: Array, pull: Array) -> Lines:
     """The variance of Σ Z r for noise S0(f) + T² S1(f); `pull` is H⁻¹, r the mean residuals of the bins.
 
     The residuals are looked at through two windows w, one that is wide where T is small and one that is 1/T where T is
@@ -147,8 +147,8 @@ def find_lines(piece: Piece, r: Array, pull: Array) -> Lines:
     for k, w in enumerate(windows):
         F = np.fft.rfft(w[:, None] * piece.plain, size, axis=0)
         taken = ((F.conj() @ pull) * F).sum(axis=1).real / piece.rows / float(w @ w)
-        lefts[k] = np.maximum(1 - _smooth(taken, half), LEAST_LEFT)
-        power[k] = _smooth(np.abs(np.fft.rfft(w * r, size)) ** 2, half) / lefts[k]
+        lefts[k] = np.maximum(1 - _smooth_lines(taken, half), LEAST_LEFT)
+        power[k] = _smooth_lines(np.abs(np.fft.rfft(w * r, size)) ** 2, half) / lefts[k]
     A = np.array([[float((w * w).sum()), float((w * w * T2).sum())] for w in windows])
     if abs(np.linalg.det(A)) < 1e-3 * A[0, 0] * A[1, 1]:  # the output hardly changes: one spectrum
         spectra = np.stack([power.sum(axis=0) / A[:, 0].sum(), np.zeros(power.shape[1])])
@@ -169,7 +169,7 @@ def find_lines(piece: Piece, r: Array, pull: Array) -> Lines:
     return Lines(lines, np.array(apart), lefts, half)
 
 
-def _smooth(values: Array, half: int) -> Array:
+def _smooth_lines(values: Array, half: int) -> Array:
     """Mean over `half` lines to both sides, the spectrum mirrored at its ends."""
     mirrored = np.concatenate([values[half:0:-1], values, values[-2 : -half - 2 : -1]])
     total = np.append(0.0, np.cumsum(mirrored))
@@ -235,7 +235,7 @@ class EngagementScatter:
         return []
 
 
-def gains_of(solved: Solved, k: int) -> tuple[Array, NDArray[np.intp], Array, Array, NDArray[np.bool_]]:
+def gains_of_engagements(solved: Solved, k: int) -> tuple[Array, NDArray[np.intp], Array, Array, NDArray[np.bool_]]:
     """Of a log the model's output (N,) and the engagement of each row, (N,); of its engagements Σ T², by what part the
     model lies above the recorded output, and whether they are loaded enough to tell it."""
     drive, r = solved.setup.drives[k], solved.missed[k]
@@ -249,7 +249,7 @@ def log_that_differs(solved: Solved, names: Sequence[str]) -> list[Finding]:
     """Said where the output of one log of several lies off the others' by more than engagements scatter within logs."""
     if len(names) < 2:
         return []
-    gains = [gain[loaded] for _, _, _, gain, loaded in (gains_of(solved, k) for k in range(len(names)))]
+    gains = [gain[loaded] for _, _, _, gain, loaded in (gains_of_engagements(solved, k) for k in range(len(names)))]
     spare = sum(len(one) - 1 for one in gains)
     within = sum(float(((one - one.mean()) ** 2).sum()) for one in gains) / max(spare, 1)
     within = max(within, LEAST_SCATTER**2) if spare >= FEWEST_ENGAGEMENTS else USUAL_SCATTER**2
@@ -268,7 +268,7 @@ def scatter_of(solved: Solved, followed: float) -> EngagementScatter:
     """Gains of all engagements, and the noise about them; the fit has `followed` so many of them."""
     gains, squares, fourths, cleaned, outputs, steps = [], [], [], [], [], []
     for k, drive in enumerate(solved.setup.drives):
-        T, which, square, gain, loaded = gains_of(solved, k)
+        T, which, square, gain, loaded = gains_of_engagements(solved, k)
         r = solved.missed[k]
         steps.append(float(drive.dt_s.sum()) / len(r))
         gains.append(gain[loaded])
@@ -359,7 +359,7 @@ def spread(solved: Solved) -> Spread:
     H = np.zeros((n, n))
     pieces = []
     for log in range(len(setup.drives)):
-        piece, of_log = piece_of(solved, clean, log)
+        piece, of_log = bin_log(solved, clean, log)
         H += of_log
         pieces.append(piece)
     pull = free_inverse(H, solved.setup.problem().A[solved.active])

@@ -9,7 +9,8 @@ import numpy as np
 from eaid.arrays import Array, median
 from eaid.estimate.own_level import (
     AT_REST,
-    SURE,
+    LAG_OFF,
+    NO_SCATTER,
     find_levelled_off,
     gains_of_runs,
     levels_about,
@@ -26,14 +27,13 @@ from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
 from eaid.results.models import FittedData, Friction, FrictionLevel, LevelIntervals
-from eaid.results.plant import LAGS, FittedPlant, PlantIntervals, number
+from eaid.results.plant import LAGS, FittedPlant, PlantIntervals, number_at
 from eaid.results.recorded import KindTried
 from eaid.steps.stepset import Level
 
 LEAST_SIZE = 0.02  # Of the largest T_s, in whose parts one that is next to 0 by the curve is counted
 MAY_BE_0 = 0.7  # Half-width of the logarithm beyond which a level's interval is that of its value
 NOTHING = 1e-9  # Part of the largest T_s, or standard error, below which there is none
-LAG_OFF = 0.08  # Of ln τ, from which a lag is told to lie off its curve: that of one run scatters by 5 %
 LONGEST_LAG = 3.0  # Holds up to which a level's own lag is told
 LAG_KNOWN = 0.5  # Standard error of ln τ of levels by themselves up to which they tell that
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
@@ -85,7 +85,7 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
         return None
     Ts, covariance, degrees, gains = by_themselves
     line = levels_about(Ts, size, D, covariance)
-    if line.v[0] <= SURE**2:
+    if line.v[0] <= NO_SCATTER**2:
         return None
     own, half, _ = pull_to_line(line, size, degrees, gains)
     curve, error = np.log(size), float(np.sqrt(median(np.diag(covariance))))
@@ -215,7 +215,7 @@ def plant_part(
 
     def numbers(x: Array) -> Array:
         one = replace(model.parameters(x[: model.size]), dead_time_s=solved.setup.dead_time_of_plant(x))
-        return np.array([*(number(one, name, top) for name in constant), *(number(one, *row) for row in rows)])
+        return np.array([*(number_at(one, name, top) for name in constant), *(number_at(one, *row) for row in rows)])
 
     ends, levels = iter(intervals(numbers, solved.x, uncertainty)), dict[str, list[tuple[float, float, float]]]()
     found = dict(zip(constant, ends, strict=False))

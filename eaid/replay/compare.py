@@ -32,7 +32,7 @@ from eaid.results.replay import Metrics, Record
 from eaid.shown import pandas
 
 START_ROWS = 20_000  # Most rows from which the start of a loaded run is estimated
-LEAST_ROWS = 10
+LEAST_COMPARED_ROWS = 10
 TELLS_APART = 50.0  # Condition of the two decays below which both parts of the start are estimated
 
 
@@ -52,7 +52,7 @@ def start_of(plant: Plant, time_s: Array, duty_pct: Array, torque_nm: Array) -> 
     for falls in itertools.product((False, True), (False, True)):
         decays = left_of_start(numbers, duty, since, falls)
         left = torque_nm[:last] - float(ends[0] + numbers.z * ends[1]) + ends @ decays
-        if len(since) >= LEAST_ROWS and plant.kind != "lag" and np.linalg.cond(decays) < TELLS_APART:
+        if len(since) >= LEAST_COMPARED_ROWS and plant.kind != "lag" and np.linalg.cond(decays) < TELLS_APART:
             x = np.linalg.lstsq(decays.T, left)[0]
         else:
             together = rest @ decays
@@ -91,7 +91,7 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     model = read_only(respond(plant, changes_s, inputs, time_s, start, stepwise))
     from_s = own.counted_from_s if own is not None else 0.0
     counted = (time_s >= from_s - 1e-9 * time_s[-1]) & np.isfinite(level.output)
-    metrics = apart(torque[counted], model[counted], idle, start[0] + start[1] * plant_numbers(plant).z)
+    metrics = distance_to(torque[counted], model[counted], idle, start[0] + start[1] * plant_numbers(plant).z)
     return Record(
         {"time_s": time_s, "reference_nm": torque, "torque_nm": model, "duty_pct": run.input},
         msgspec.structs.replace(metrics, counted_from_s=from_s or None),
@@ -136,7 +136,7 @@ def residuals_of_logs(fit: Fit, runs: Sequence[Run]) -> "pandas.DataFrame":
     return pandas.concat(parts, names=["log", "time_s"])
 
 
-def apart(torque: Array, model: Array, idle: float, start: float) -> Metrics:
+def distance_to(torque: Array, model: Array, idle: float, start: float) -> Metrics:
     """How far a model is from what was recorded."""
     off = torque - model
     spread, left = float(np.linalg.norm(torque - torque.mean())), float(np.linalg.norm(off))

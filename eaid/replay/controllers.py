@@ -26,7 +26,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from eaid.control.gains import law_of, physical
-from eaid.control.kinds import Law, Step, kind_of
+from eaid.control.kinds import ControllerStep, Law, row_of_gains
 from eaid.errors import UsageError
 from eaid.options import CONTROLLERS
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers, plant_step
@@ -39,7 +39,7 @@ class Controller:
     """A control law with its gains, ready to run; both are pure functions and tuples of floats."""
 
     name: str
-    step: Step
+    step: ControllerStep
     gains: Any
     start: Callable[[float], Any] = lambda _dt: 0  # Control interval [s] → the state before the first sample
     # The rate it is given leads to the next sample of the reference exactly (forward difference), else it is the
@@ -201,7 +201,7 @@ def own_controllers(
 
 def feedback(gains: Law) -> Controller:
     """A controller of the table, whose gains they are, ready to replay."""
-    kind = kind_of(gains)
+    kind = row_of_gains(gains)
     return Controller(kind.name, kind.step, gains, partial(kind.start, gains))
 
 

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from eaid.arrays import Array, read_only
-from eaid.control.kinds import Step
-from eaid.options import Rig
+from eaid.control.kinds import ControllerStep
+from eaid.options import RigExtras
 from eaid.plant.dynamics import PlantNumbers, plant_step
 from eaid.replay.controllers import Controller
 
@@ -59,7 +59,7 @@ def output_within(
     return x1 + plant.z * x2
 
 
-def rig_numbers(rig: Rig, dt_s: float) -> tuple[int, float]:
+def rig_numbers(rig: RigExtras, dt_s: float) -> tuple[int, float]:
     """The rig as the loop takes it, at a control interval of dt_s [s]: delay, and PWM period [samples; 0: at once]."""
     return rig.delay_samples, 1.0 / (rig.pwm_hz * dt_s) if rig.pwm_hz > 0 else 0.0
 
@@ -75,12 +75,12 @@ def coloured(samples: int, dt_s: float, memory_s: float, random: np.random.Gener
     return np.asarray(dtbsv(1, band, white, lower=1, diag=1))
 
 
-def sensor_noise(rig: Rig, samples: int, seed: int) -> Array:
+def sensor_noise(rig: RigExtras, samples: int, seed: int) -> Array:
     """White noise on the measured torque [N·m], shape (samples,)."""
     return rig.noise_nm * np.random.default_rng(seed).standard_normal(samples)
 
 
-class Inputs(NamedTuple):
+class Course(NamedTuple):
     """What a loop meets at each sample; columns of one length."""
 
     reference: Any  # [N·m]
@@ -89,11 +89,11 @@ class Inputs(NamedTuple):
     factor: Any  # What the sensor gives of the torque; 1 but for logs that are synthesised
 
 
-def loop_of(law: Step) -> Callable[..., None]:
+def loop_of(law: ControllerStep) -> Callable[..., None]:
     """The control loop around one law."""
 
     def closed_loop(
-        gains: Any, start: Any, plant: PlantNumbers, rig: tuple[int, float], dt: float, inputs: Inputs, filled: Any
+        gains: Any, start: Any, plant: PlantNumbers, rig: tuple[int, float], dt: float, inputs: Course, filled: Any
     ) -> None:
         """Fill four columns of zeros, as long as the inputs: true and read torque, duty given and mean duty applied."""
         reference, rate, disturbance, factor = inputs
@@ -124,10 +124,10 @@ def loop_of(law: Step) -> Callable[..., None]:
     return closed_loop
 
 
-def inputs_of(controller: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int) -> Inputs:
+def inputs_of(controller: Controller, reference_nm: Array, rig: RigExtras, dt_s: float, seed: int) -> Course:
     """The columns that a controller meets on a reference [N·m], shape (n,)."""
     n, rate = len(reference_nm), np.ascontiguousarray(reference_rate(reference_nm, dt_s, controller.looks_ahead))
-    return Inputs(np.array(reference_nm, dtype=np.float64), rate, sensor_noise(rig, n, seed), np.ones(n))
+    return Course(np.array(reference_nm, dtype=np.float64), rate, sensor_noise(rig, n, seed), np.ones(n))
 
 
 def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array:
@@ -139,20 +139,20 @@ def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array
 
 
 def replay(
-    plant: PlantNumbers, controller: Controller, reference_nm: Array, rig: Rig, dt_s: float, seed: int = 0
+    plant: PlantNumbers, controller: Controller, reference_nm: Array, rig: RigExtras, dt_s: float, seed: int = 0
 ) -> dict[str, Array]:
     """What one controller does on one plant, from rest, as `columns_of` has it; reference in N·m at intervals of dt_s
     [s], shape (n,), n ≥ 2."""
-    inputs = Inputs(*(column.tolist() for column in inputs_of(controller, reference_nm, rig, dt_s, seed)))
+    inputs = Course(*(column.tolist() for column in inputs_of(controller, reference_nm, rig, dt_s, seed)))
     filled = [[0.0] * len(reference_nm) for _ in range(4)]
     loop_of(controller.step)(
         controller.gains, controller.start(dt_s), plant, rig_numbers(rig, dt_s), dt_s, inputs, filled
     )
-    return columns_of(rig, plant, dt_s, reference_nm, filled)
+    return loop_columns(rig, plant, dt_s, reference_nm, filled)
 
 
-def columns_of(
-    rig: Rig, plant: PlantNumbers, dt_s: float, reference_nm: Array, filled: Sequence[Sequence[float] | Array]
+def loop_columns(
+    rig: RigExtras, plant: PlantNumbers, dt_s: float, reference_nm: Array, filled: Sequence[Sequence[float] | Array]
 ) -> dict[str, Array]:
     """What the loop filled, each of shape (n,), read-only: `torque_nm` is the true torque, `duty_pct` what the
     controller gave; with noise `measured_nm`, what it read; where a delay or the PWM makes it another, `applied_pct`,

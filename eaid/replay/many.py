@@ -24,14 +24,14 @@ import numpy as np
 from numba.extending import register_jitable
 
 from eaid.arrays import Array
-from eaid.control.kinds import CONTROLLER_ROWS, Step
-from eaid.options import Rig
+from eaid.control.kinds import CONTROLLER_ROWS, ControllerStep
+from eaid.options import RigExtras
 from eaid.plant import dynamics
 from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.replay import controllers, loop
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import rig_numbers
-from eaid.replay.metrics import tracking
+from eaid.replay.metrics import tracking_errors
 from eaid.replay.references import Reference
 from eaid.results.gains import Tracking
 from eaid.results.replay import Distribution, PlantSpread, Worst
@@ -46,7 +46,7 @@ for _module in MODULES:
 
 
 @cache
-def compiled(law: Step) -> Any:
+def compiled(law: ControllerStep) -> Any:
     """`closed_loop` of one law in machine code, kept on disk where there is a folder that numba may write to."""
     sources = hashlib.sha256()
     for file in (__file__, *(str(module.__file__) for module in MODULES)):
@@ -67,7 +67,7 @@ def montecarlo(
     plants: Sequence[Plant],
     controller: Controller,
     reference: Reference,
-    rig: Rig,
+    rig: RigExtras,
     seed: int = 0,
     tick: Callable[[], None] = lambda: None,
 ) -> tuple[PlantSpread, dict[str, Array]]:
@@ -86,7 +86,7 @@ def montecarlo(
         run(controller.gains, controller.start(dt_s), plant, rig_numbers(rig, dt_s), dt_s, inputs, filled)
         kept[:, index] = filled[0][shown]
         columns = {"reference_nm": wanted, "torque_nm": filled[0], "duty_pct": filled[2]}
-        followed = tracking(columns, controller.limits_pct, slice(reference.begin, None))
+        followed = tracking_errors(columns, controller.limits_pct, slice(reference.begin, None))
         measured[:, index] = msgspec.structs.astuple(followed)
         tick()
 

@@ -34,7 +34,7 @@ MOST_SWINGS = 10  # Of an input from limit to limit, for each turn of the refere
 LIMITED, OFF = 0.4, 0.02  # Share of the time at a limit of the input; errors that count, of the highest reference
 
 
-def at_limit(name: str, columns: Mapping[str, Array], limits: tuple[float, float]) -> list[Finding]:
+def lay_at_limit(name: str, columns: Mapping[str, Array], limits: tuple[float, float]) -> list[Finding]:
     """Whether a controller's input lay at a limit so long, away from the reference, that its errors say little of its
     gains, or goes from limit to limit all the time."""
     duty, wanted = columns["duty_pct"], columns["reference_nm"]
@@ -47,7 +47,7 @@ def at_limit(name: str, columns: Mapping[str, Array], limits: tuple[float, float
     return [finding("controller-at-limit", name, share_pct=100 * share)] if share >= LIMITED else []
 
 
-def tracking(
+def tracking_errors(
     columns: Mapping[str, Array], limits_pct: tuple[float, float], counted: "slice | NDArray[np.int64]" = slice(None)
 ) -> Tracking:
     """Errors [N·m], duty activity [%] and saturation [1] of a replay over the samples that count."""
@@ -113,6 +113,6 @@ def measure(columns: Mapping[str, Array], limits_pct: tuple[float, float], refer
         tone(wanted[begin:end], torque[begin:end], frequency_hz, dt_s) for frequency_hz, begin, end in reference.tones
     ]
     return Metrics(
-        **msgspec.structs.asdict(tracking(columns, limits_pct, slice(reference.begin, None))),
+        **msgspec.structs.asdict(tracking_errors(columns, limits_pct, slice(reference.begin, None))),
         counted_from_s=reference.counted_from_s, steps=tuple(measured), frequencies=tuple(tones),
     )  # fmt: skip

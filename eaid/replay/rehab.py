@@ -20,11 +20,11 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import GainsError, UsageError
-from eaid.options import Rig
+from eaid.options import RigExtras
 from eaid.plant.dynamics import PlantNumbers, plant_terms
 from eaid.replay.controllers import Controller
-from eaid.replay.loop import Held, coloured, columns_of, hold_step, rig_numbers, sensor_noise
-from eaid.replay.metrics import tracking
+from eaid.replay.loop import Held, coloured, hold_step, loop_columns, rig_numbers, sensor_noise
+from eaid.replay.metrics import tracking_errors
 from eaid.replay.references import samples_of
 from eaid.results.replay import Box, CycleTest, Exercise, Metrics, ModeMetrics, ModesTest, Record, SampleTest
 
@@ -35,7 +35,7 @@ RESISTED_FROM_DEG = 10.0
 
 
 def rehabilitate(
-    plant: PlantNumbers, controller: Controller, exercise: Exercise, rig: Rig, dt_s: float, seed: int = 0
+    plant: PlantNumbers, controller: Controller, exercise: Exercise, rig: RigExtras, dt_s: float, seed: int = 0
 ) -> Record:
     """The session of one controller on one plant: soft, hard, assisted; GainsError where the limb leaves an elbow's
     range. Reference and torque of the loop have no sign; those of the limb are positive in flexion."""
@@ -48,7 +48,7 @@ def rehabilitate(
         raise UsageError(f"rehab: a mode of {exercise.mode_s:g} s is too short for a control interval of {dt_s:g} s")
     reference, *filled, target, angle, desired, rendered = _run(plant, controller, exercise, rig, n, dt_s, seed)
     target, angle = np.degrees(target), np.degrees(angle)
-    columns = columns_of(rig, plant, dt_s, reference, filled) | {
+    columns = loop_columns(rig, plant, dt_s, reference, filled) | {
         "target_deg": target, "angle_deg": angle, "position_error_deg": target - angle, "desired_nm": desired,
         "rendered_nm": rendered, "torque_error_nm": desired - rendered,
         "mode": np.minimum(np.arange(n) * dt_s // exercise.mode_s, len(MODES) - 1),
@@ -56,7 +56,7 @@ def rehabilitate(
     return Record(columns, statistics(columns, controller.limits_pct, exercise, dt_s))
 
 
-def _signals(exercise: Exercise, rig: Rig, n: int, dt: float, seed: int) -> tuple[Array, ...]:
+def _signals(exercise: Exercise, rig: RigExtras, n: int, dt: float, seed: int) -> tuple[Array, ...]:
     """What is known of a session before it is played: the target [rad] and its rate [rad/s], the user's tremor, the
     sensor's noise, the shares of the way to hard and to assisted; (n,) each."""
     t = np.arange(n) * dt
@@ -76,7 +76,7 @@ def _signals(exercise: Exercise, rig: Rig, n: int, dt: float, seed: int) -> tupl
 
 
 def _run(
-    plant: PlantNumbers, controller: Controller, exercise: Exercise, rig: Rig, n: int, dt: float, seed: int
+    plant: PlantNumbers, controller: Controller, exercise: Exercise, rig: RigExtras, n: int, dt: float, seed: int
 ) -> Array:
     """The session, sample by sample: reference, torque, measured, duty, applied, target, angle, desired, rendered;
     (9, n)."""
@@ -173,7 +173,7 @@ def statistics(
         samples = SampleTest((errors[one].size, errors[other].size), float(student.statistic), float(student.pvalue))
         tests.append(ModesTest((one, other), samples, by_cycles(means[one], means[other])))
     return Metrics(
-        **msgspec.structs.asdict(tracking(columns, limits_pct, np.concatenate(parts))), modes=modes,
+        **msgspec.structs.asdict(tracking_errors(columns, limits_pct, np.concatenate(parts))), modes=modes,
         tests=tuple(tests),
     )  # fmt: skip
 

@@ -14,13 +14,13 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.logs.run import Run
-from eaid.options import Rig, SimulateOptions
+from eaid.options import RigExtras, SimulateOptions
 from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers
 from eaid.progress import Progress, no_progress
 from eaid.replay.compare import compared, without_creep
 from eaid.replay.controllers import Controller, OwnGains, OwnLaw, controller_of, own_step, why_no_inverse
 from eaid.replay.loop import replay
-from eaid.replay.metrics import at_limit, measure
+from eaid.replay.metrics import lay_at_limit, measure
 from eaid.replay.references import Reference, reference_beyond, reference_of, signal_of
 from eaid.replay.rehab import MODES, rehabilitate
 from eaid.replay.tune import unknown_to_plant
@@ -55,7 +55,7 @@ def simulate(
         raise DataError("the fit holds no nonlinear model, which the replay's plant is; fit clutch data with it")
     refuse_other_units(fit, gains)
     controllers, findings = _controllers(fit, gains, model, options.controller or (), what, own)
-    rig, scales = part(Rig, options), scales_of(fit, model)
+    rig, scales = part(RigExtras, options), scales_of(fit, model)
     if runs is not None and (unused := list(rig.given())):
         raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
     made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
@@ -111,8 +111,8 @@ def _controllers(
 
 
 def _rehabilitated(
-    fit: Fit, plant: PlantNumbers, controllers: Sequence[Controller], top: float, rig: Rig, options: SimulateOptions,
-    dt_s: float,
+    fit: Fit, plant: PlantNumbers, controllers: Sequence[Controller], top: float, rig: RigExtras,
+    options: SimulateOptions, dt_s: float,
 ) -> Outcome:  # fmt: skip
     """The rehabilitation under each controller, at the rig's own torques."""
     if fit.data.output_unit not in ("N·m", "Nm"):
@@ -128,7 +128,7 @@ def _rehabilitated(
 
 def _tracked(
     fit: Fit, gains: Gains | None, plant: PlantNumbers, controllers: Sequence[Controller], wanted: Reference,
-    rig: Rig, options: SimulateOptions, progress: Progress,
+    rig: RigExtras, options: SimulateOptions, progress: Progress,
 ) -> Outcome:  # fmt: skip
     """Each controller on the reference; and on drawn plants."""
     seed, records = options.seed, {}
@@ -139,7 +139,7 @@ def _tracked(
     for controller in controllers:
         columns = replay(plant, controller, wanted.torque_nm, rig, wanted.dt_s, seed)
         records[controller.name] = Record(columns, measure(columns, controller.limits_pct, wanted))
-        findings += at_limit(controller.name, columns, controller.limits_pct)
+        findings += lay_at_limit(controller.name, columns, controller.limits_pct)
     findings += _outside_identified(fit, plant, records)
     head: dict[str, Any] = {"dt_s": wanted.dt_s, "counted_from_s": wanted.counted_from_s}
     if (count := options.plants) is None:

@@ -23,7 +23,7 @@ from eaid.control.defaults import (
     workable_rc,
 )
 from eaid.control.design import Design, phi_needed, robust_of, seen_top_nm
-from eaid.control.gains import Bounds, bounds_of, model_of, plant_of
+from eaid.control.gains import RangeOfB, model_of, plant_of, range_of_b
 from eaid.control.guarantee import MENDABLE, Grounds, guarantee_of, to_mend, warnings_of
 from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.margins import (
@@ -38,12 +38,12 @@ from eaid.control.pi import PAPER_PI, PIGains, Wanted, step_metrics
 from eaid.errors import DataError
 from eaid.estimate.draw import draw, drawable
 from eaid.findings import Finding, finding, ranked
-from eaid.options import Rig, TuneOptions
+from eaid.options import RigExtras, TuneOptions
 from eaid.plant.dynamics import Plant, plant_numbers
 from eaid.plant.linear import LinearPlant
 from eaid.replay.controllers import feedback
 from eaid.replay.loop import replay
-from eaid.replay.metrics import step, tracking
+from eaid.replay.metrics import step, tracking_errors
 from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
@@ -63,7 +63,7 @@ class Task:
     fit: Fit
     model: LinearPlant
     plant: Plant | None
-    bounds: Bounds
+    bounds: RangeOfB
     scales: Scales
     points: Sequence[Point]  # Where margins are looked at
     timing: Timing
@@ -93,12 +93,12 @@ class Task:
     def left_by_sampling(self, rc: Robust) -> float:
         """Largest error in the later half of the reference on the plants of B_m and B_M, as the loop is sampled."""
         gain, controller = self.model.b0 / self.model.a0, feedback(rc_law(self.model, rc, self.limits))
-        wanted, rig, worst = self.wanted, Rig(pwm_hz=self.timing.pwm_hz or 0.0), 0.0
+        wanted, rig, worst = self.wanted, RigExtras(pwm_hz=self.timing.pwm_hz or 0.0), 0.0
         for tau in (float(rc.B_m or 0.0) * gain, float(rc.B_M or 0.0) * gain):
             extreme = Plant((tau,), (tau,), (self.model.c0 / self.model.a0, gain), (0.0, self.limits[1]), C=1.0)
             columns = replay(plant_numbers(extreme), controller, wanted.torque_nm, rig, wanted.dt_s)
             late = slice((wanted.begin + len(wanted.torque_nm)) // 2, None)
-            worst = max(worst, tracking(columns, controller.limits_pct, late).max_abs_error_nm or 0.0)
+            worst = max(worst, tracking_errors(columns, controller.limits_pct, late).max_abs_error_nm or 0.0)
         return worst
 
     def designed(self, options: TuneOptions) -> Design:
@@ -123,8 +123,8 @@ class Task:
         if self.plant is None:
             return Tracking()
         controller = feedback(law)
-        columns = replay(plant_numbers(self.plant), controller, self.wanted.torque_nm, Rig(), self.wanted.dt_s)
-        return tracking(columns, controller.limits_pct, slice(self.wanted.begin, None))
+        columns = replay(plant_numbers(self.plant), controller, self.wanted.torque_nm, RigExtras(), self.wanted.dt_s)
+        return tracking_errors(columns, controller.limits_pct, slice(self.wanted.begin, None))
 
     def step_of(self, pi: PIGains) -> tuple[float, float]:
         """Overshoot [%] and 2 % settling time [s] of a PI on the linear model, behind the fit's dead time."""
@@ -139,7 +139,7 @@ class Task:
         free = pi._replace(duty_min=-np.inf, duty_max=np.inf)
         wanted = np.ones(int(watched_s / dt_s))
         with np.errstate(all="ignore"):  # of a loop that is unstable
-            torque = replay(plant_numbers(plant), feedback(free), wanted, Rig(), dt_s)["torque_nm"]
+            torque = replay(plant_numbers(plant), feedback(free), wanted, RigExtras(), dt_s)["torque_nm"]
         if not np.abs(torque).max() < LARGEST_INPUT:
             return overshoot_pct, np.inf
         found = step(torque, 0.0, 1.0, dt_s)
@@ -156,7 +156,7 @@ class Task:
 
 def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, reference_name: str) -> Task:
     """What gains are to be made for; DataError or GainsError where the fit does not hold it."""
-    model, plant, bounds = model_of(fit), plant_of(fit), bounds_of(fit)
+    model, plant, bounds = model_of(fit), plant_of(fit), range_of_b(fit)
     scales, timing, limits = scales_of(fit, plant), timing_of(fit, options), options.duty_limits or input_limits(fit)
     name = reference_name or (reference if isinstance(reference, str) else "multisine")
     points = points_of(fit, plant, model, bounds.rows, limits)
@@ -168,7 +168,7 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
     )  # fmt: skip
 
 
-def phi_of(fit: Fit, model: LinearPlant, bounds: Bounds, plant: Plant | None) -> float | None:
+def phi_of(fit: Fit, model: LinearPlant, bounds: RangeOfB, plant: Plant | None) -> float | None:
     """What the data show of |η − η̂|; of a fit by several sessions what 19 of 20 plants of the next one show."""
     if not fit.of_sessions or not drawable(fit):
         return phi_needed(model, bounds, plant)

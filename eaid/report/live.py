@@ -22,7 +22,7 @@ from bokeh.models.layouts import Column
 from bokeh.plotting import figure
 from markupsafe import Markup
 
-from eaid.report.panels import Line, Panel, Sheet, apart, thinned
+from eaid.report.panels import Line, Panel, Sheet, move_apart, thinned
 
 LIVE_POINTS = 800  # Points of one line; extremes survive
 LIVE_BAND_POINTS = 300
@@ -46,7 +46,7 @@ def live_of(sheet: Sheet) -> Markup:
             shade = VArea(x="x", y1="low", y2="high", fill_color=band.color, fill_alpha=band.alpha)
             p.add_glyph(ColumnDataSource(held), shade, level="underlay")
         for line in panel.lines:
-            shown, reach = _line(p, line)
+            shown, reach = _draw_line(p, line)
             hits.append(reach)
             if line.name and panel.legend and not panel.keys:
                 items.append(LegendItem(label={"value": harmless(line.name)}, renderers=[shown]))
@@ -96,7 +96,7 @@ def _axes(panel: Panel, height: int, shared: Any, last: bool) -> Any:
     return p
 
 
-def _line(p: Any, line: Line) -> tuple[Any, Any]:
+def _draw_line(p: Any, line: Line) -> tuple[Any, Any]:
     """A curve, thinned; and what catches the pointer, by the line's name."""
     # Text once for the whole line: a column of names would weigh more than the numbers.
     x, y = thinned(np.asarray(line.x), np.asarray(line.y), LIVE_POINTS)
@@ -116,7 +116,7 @@ def _name_ends(p: Any, lines: Sequence[Line]) -> None:
     ends = sorted((float(line.y[-1]), line.end.partition(":")[0]) for line in lines)  # numbers are for the pointer
     values, texts = zip(*ends, strict=True)
     longest = float(max(line.x[-1] for line in lines))
-    placed = apart(values, 0.045 * max(map(abs, values)))
+    placed = move_apart(values, 0.045 * max(map(abs, values)))
     words = ColumnDataSource({"x": [1.01 * longest] * len(ends), "y": placed, "text": texts})
     p.add_glyph(words, Text(x="x", y="y", text="text", text_font_size="12px", text_baseline="middle"))
     p.x_range = Range1d(start=0, end=(1.03 + 0.022 * max(map(len, texts))) * longest)

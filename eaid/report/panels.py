@@ -164,7 +164,7 @@ def controller_look(name: str) -> tuple[str, Dash, str]:
     return CONTROLLER_STYLES.get(name, (BLACK, ":", "*"))
 
 
-def apart(values: Sequence[float], gap: float) -> list[float]:
+def move_apart(values: Sequence[float], gap: float) -> list[float]:
     """Rising values moved apart, neighbours both by half, until none are closer than the gap, or nearly so."""
     placed = list(values)
     for _ in range(200):

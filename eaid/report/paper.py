@@ -20,11 +20,11 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLoca
 
 from eaid.errors import DataError
 from eaid.report.figures.replays import tracking_panels
-from eaid.report.figures.residuals import residuals
+from eaid.report.figures.residuals import residual_panels
 from eaid.report.figures.sessions import control_panel, values_panel
 from eaid.report.figures.steps import fitted_steps
 from eaid.report.figures.values import margins_panel
-from eaid.report.panels import BLACK, VERMILLION, Axis, Line, Panel, Sheet, apart, thinned
+from eaid.report.panels import BLACK, VERMILLION, Axis, Line, Panel, Sheet, move_apart, thinned
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains
 from eaid.results.replay import Replay
@@ -80,7 +80,7 @@ def draw_panel(axes: Axes, panel: Panel, x_label: bool = True) -> None:
         low, high = band.low[some], band.high[some]
         axes.fill_between(band.x[some], low, high, color=band.color, alpha=band.alpha, linewidth=0)
     for line in (*panel.lines, *panel.keys):
-        _line(axes, line, named=bool(panel.legend) and (not panel.keys or line in panel.keys))
+        _drawn_line(axes, line, named=bool(panel.legend) and (not panel.keys or line in panel.keys))
     for span in panel.spans:
         across = "v" if span.along == "x" else "h"
         if span.low == span.high:
@@ -118,7 +118,7 @@ def _text(said: str) -> dict[str, Any]:
     return {"label": text, **({"fontsize": INDEXED_PT} if text != said else {})}
 
 
-def _line(axes: Axes, line: Line, named: bool) -> None:
+def _drawn_line(axes: Axes, line: Line, named: bool) -> None:
     look: dict[str, Any] = {"color": line.color, "linewidth": line.width, "linestyle": line.dash or "none"}
     look |= {"marker": line.marker or None, "markersize": line.size, "label": line.name if named else None}
     if line.fill:
@@ -159,7 +159,7 @@ def _name_ends(axes: Axes, panel: Panel) -> None:
     )
     low, high = axes.get_ylim()
     gap = (high - low) * 1.15 * SMALLEST_PT / 72 / (axes.get_window_extent().height / axes.figure.dpi)
-    for (value, text, colour), place in zip(ends, apart([value for value, _, _ in ends], gap), strict=True):
+    for (value, text, colour), place in zip(ends, move_apart([value for value, _, _ in ends], gap), strict=True):
         said = _text(text)
         axes.annotate(
             said.pop("label"), (axes.get_xlim()[1], value), (1.02, place), xycoords="data",
@@ -190,7 +190,7 @@ def plot_residuals(fit: Fit) -> Any:
     """For notebooks: the residuals of a fit over time, with themselves a lag later, and against the input."""
     from matplotlib import pyplot
 
-    sheet = residuals(fit)
+    sheet = residual_panels(fit)
     if sheet is None:
         raise DataError("this fit was read from a file and holds no samples; fit again, or make a report")
     axes = pyplot.subplots(1, len(sheet.panels), figsize=(3 * len(sheet.panels), 3), layout="constrained")[1]
@@ -199,7 +199,7 @@ def plot_residuals(fit: Fit) -> Any:
     return axes
 
 
-def plot(result: Fit | Gains | Replay | Rig | Comparison, ax: Axes | None = None) -> Axes:
+def plot_result(result: Fit | Gains | Replay | Rig | Comparison, ax: Axes | None = None) -> Axes:
     """For notebooks: the step responses of a fit, the margins of gains, the trace of every controller, the control
     chart of a rig, or T_s of the sessions compared."""
     from matplotlib import pyplot

@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 
 import h5py
 
-from eaid.declared import chosen
+from eaid.declared import given_options
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.findings import Finding, say
@@ -152,7 +152,7 @@ def steps_behind(fit: Fit, progress: Progress) -> StepSet | None:
     unchanged = all(path.is_file() and sha256_of(path) == sha256 for path, sha256 in logs.items())
     if logs and fit.data.repeats and unchanged:
         with contextlib.suppress(DataError):
-            return read_steps([*logs], chosen(ReadOptions, None, fit.options.reading), progress)[1]
+            return read_steps([*logs], given_options(ReadOptions, None, fit.options.reading), progress)[1]
     return None
 
 
@@ -186,14 +186,18 @@ def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
     if not path.is_file():
         raise DataError(f"{path}: no such file; give a fit.json, gains.json, couple.json, replay.h5 or data.h5")
     if not h5py.is_hdf5(path):
-        kind = codec.kind_of(path)
+        kind = codec.kind_of_file(path)
         if kind not in TYPES:
             raise DataError(f"{path}: is a {kind}.json; give a fit.json, gains.json or couple.json")
-        return codec.read(path, TYPES[kind])
+        return codec.read_as(path, TYPES[kind])
     schema = ""
     with contextlib.suppress(OSError, KeyError, RuntimeError), h5py.File(path) as file:  # damaged: its reader says so
         schema = file.attrs.get("schema", "")
-    return replay_file.read(path) if schema == replay_file.SCHEMA else (read_steps([path], ReadOptions())[1], ())
+    return (
+        replay_file.read_replay_file(path)
+        if schema == replay_file.REPLAY_SCHEMA
+        else (read_steps([path], ReadOptions())[1], ())
+    )
 
 
 def drawable_replay(replay: Replay, path: Path) -> Replay:

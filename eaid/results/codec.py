@@ -55,7 +55,7 @@ def to_plain(value: Any) -> Any:
         kept = {}
         for name, key in zip(value.__struct_fields__, value.__struct_encode_fields__, strict=True):
             item = getattr(value, name)
-            if not isinstance(item, Samples) and (item is not None or name not in parts_of(type(value))):
+            if not isinstance(item, Samples) and (item is not None or name not in result_fields(type(value))):
                 kept[key] = to_plain(item)
         return kept
     if isinstance(value, Mapping):
@@ -109,9 +109,9 @@ class Saved(Shown):
             part.write_text(dumps(self), encoding="utf-8", errors="surrogatepass")
 
 
-def kind_of(path: Path) -> str:
+def kind_of_file(path: Path) -> str:
     """fit, gains, couple or plan, by the schema of a JSON result, else by the parts that a script's own file holds."""
-    return _kind(path, _content(path, "a result that eaid wrote")[1])
+    return _kind_of_content(path, _content(path, "a result that eaid wrote")[1])
 
 
 def _content(path: Path, wanted: str) -> tuple[str, Any]:
@@ -124,7 +124,7 @@ def _content(path: Path, wanted: str) -> tuple[str, Any]:
         raise DataError(f"{path}: is not a JSON file ({why}); give {wanted}") from None
 
 
-def _kind(path: Path, content: Any) -> str:
+def _kind_of_content(path: Path, content: Any) -> str:
     schema = content.get("schema") if isinstance(content, dict) else ""
     for kind, parts in RESULT_KINDS.items():
         if schema == schema_of(kind) or (schema is None and any(part in content for part in parts)):
@@ -141,14 +141,14 @@ def digest_of(content: dict[str, Any]) -> str:
     return hashlib.sha256(text.encode("utf-8", errors="surrogatepass")).hexdigest()
 
 
-def read(path: Path, type_: type[R]) -> tuple[R, tuple[Finding, ...]]:
+def read_as(path: Path, type_: type[R]) -> tuple[R, tuple[Finding, ...]]:
     """A result file as its type, and what was left out or changed, as findings; DataError where it is no such file."""
     kind: str = type_.FILE  # type: ignore[attr-defined]
     wanted = f"the {kind}.json that eaid wrote"
     if not path.is_file():
         raise DataError(f"{path}: no such file; give {wanted}")
     text, content = _content(path, wanted)
-    if _kind(path, content) != kind:
+    if _kind_of_content(path, content) != kind:
         said = f"its schema is {content['schema']!r}" if "schema" in content else "it holds no schema"
         raise DataError(f"{path}: is no {kind} of eaid ({said}); give {wanted}")
     found: list[Finding] = []
@@ -211,7 +211,7 @@ def _struct_in(hint: Any) -> Any:
 
 
 @cache
-def parts_of(type_: type) -> frozenset[str]:
+def result_fields(type_: type) -> frozenset[str]:
     """The fields of a result that hold results of their own."""
     return frozenset(name for name, hint in typing.get_type_hints(type_).items() if _struct_in(hint) is not None)
 
@@ -239,7 +239,7 @@ def cells_of(item: msgspec.Struct) -> dict[str, Any]:
     cells: dict[str, Any] = {}
     for name, key in zip(item.__struct_fields__, item.__struct_encode_fields__, strict=True):
         value = getattr(item, name)
-        if name in parts_of(type(item)):
+        if name in result_fields(type(item)):
             ends = value.__struct_fields__ if name == "ci95" and value is not None else ()
             for one in (each for each in ends if each != "dof"):
                 low, high = getattr(value, one) or (math.nan, math.nan)

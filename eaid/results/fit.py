@@ -113,9 +113,9 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         Those of another confidence than 95 % by Student's t, on the logarithm where the 95 % interval is even there.
         """
-        if not 0 < statistics.numbers("alpha", alpha, 0) < 1:
+        if not 0 < statistics.as_numbers("alpha", alpha, 0) < 1:
             raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
-        value, low, high, dof = statistics.columns_of(self.parameters)
+        value, low, high, dof = statistics.interval_columns(self.parameters)
         ends = np.array([low, high])
         if alpha != 0.05:
             ratio = stdtrit(dof, 1 - alpha / 2) / stdtrit(dof, 0.975)
@@ -130,7 +130,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         Where an interval is even on the logarithm, that of the logarithm times the value.
         """
-        value, low, high, dof = statistics.columns_of(self.parameters)
+        value, low, high, dof = statistics.interval_columns(self.parameters)
         with np.errstate(invalid="ignore", divide="ignore"):
             width = np.where(statistics.by_ratio(value, low, high), value * np.log(high / low), high - low)
         index = statistics.index_of(self.parameters)
@@ -181,7 +181,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
 
         `UsageError` outside the identified range; between levels the nonlinear model's curves.
         """
-        level = float(statistics.numbers("level", level, 0))
+        level = float(statistics.as_numbers("level", level, 0))
         shown = [row.level for row in self.parameters if row.level is not None]
         near = min(shown, key=lambda one: abs(one - level), default=level)
         level = near if math.isclose(near, level, rel_tol=AS_PRINTED) else level
@@ -301,8 +301,8 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
             raise UsageError(f"«model» {chosen}: must be one of {', '.join(MODEL_CURVES)}")
         if (self.plant_ if chosen == statistics.PLANT else getattr(self, chosen)) is None:
             raise DataError(f"the fit holds no {chosen} model; fit one, or choose another «model»")
-        time_s = np.atleast_1d(statistics.numbers("t", t))
-        inputs = np.atleast_1d(statistics.numbers("duty", duty)).tolist()
+        time_s = np.atleast_1d(statistics.as_numbers("t", t))
+        inputs = np.atleast_1d(statistics.as_numbers("duty", duty)).tolist()
         known = self.data.levels if self.recorded is None else self.recorded.u_range
         signed = chosen == statistics.PLANT and bool(self.plant.Ts_below)
         for u in inputs:

@@ -34,7 +34,7 @@ class Rho(RhoLine, frozen=True):
 
 
 # Samples in the common period of samples and latches; of two rates without a short one the nearest
-LONGEST_PERIOD = 100
+LARGEST_DIVISOR = 100
 
 
 class Timing(Result, frozen=True, dict=True):
@@ -66,7 +66,7 @@ class Timing(Result, frozen=True, dict=True):
                 f"a PWM of {self.pwm_hz:g} Hz under control at {self.rate_hz:g} Hz is outside what margins are worked "
                 "out for (0.05 to 100 samples a period); check «pwm_hz»"
             )
-        ratio = Fraction(samples).limit_denominator(max(1, min(20, int(LONGEST_PERIOD / samples))))
+        ratio = Fraction(samples).limit_denominator(max(1, min(20, int(LARGEST_DIVISOR / samples))))
         return ratio.numerator, ratio.denominator
 
     @property

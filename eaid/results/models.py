@@ -31,7 +31,7 @@ from eaid.results.common import (
     Solver,
     Source,
 )
-from eaid.results.plant import Coefficients
+from eaid.results.plant import Polynomial
 
 
 class Intervals(Result, frozen=True, kw_only=True):
@@ -256,9 +256,9 @@ class LevelsLeftOut(Result, frozen=True):
 class Nonlinear(Scores, frozen=True):
     """The ten coefficients of Eqs. (4)–(7)."""
 
-    tau1: Coefficients
-    tau2: Coefficients
-    Ts: Coefficients
+    tau1: Polynomial
+    tau2: Polynomial
+    Ts: Polynomial
     u_range: tuple[Annotated[float, msgspec.Meta(ge=0, le=1e60)], Positive]
     """Lowest and highest identified input."""
     C: Share = 0.85

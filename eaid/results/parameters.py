@@ -19,21 +19,21 @@ OF_ITSELF = {
 """Codes of findings that say by themselves which parameters have none."""
 
 
-Named = tuple[str, str, str, float | None, Interval, dict[str, Any]]
+Known = tuple[str, str, str, float | None, Interval, dict[str, Any]]
 """Model, symbol, place, value, interval, and the further fields of a row."""
 
 
 def parameters_of(fit: Fit) -> tuple[Parameter, ...]:
     """The rows of a fit: its plant where that is no nonlinear model, nonlinear, linear, friction, release."""
     rows = []
-    for model, symbol, place, value, ends, more in (*_plant(fit), *_nonlinear(fit), *_linear(fit), *_levels(fit)):
+    for model, symbol, place, value, ends, more in (*_plant(fit), *_of_curves(fit), *_pooled(fit), *_levels(fit)):
         low, high = ends or (None, None)
         why = "" if ends else _why(fit, model, symbol, more.get("level"))
         rows.append(Parameter(model, symbol + place, value=value, low=low, high=high, why=why, **more))
     return tuple(rows)
 
 
-def _plant(fit: Fit) -> Iterator[Named]:
+def _plant(fit: Fit) -> Iterator[Known]:
     """What a plant of another kind is known by."""
     if fit.nonlinear is None and fit.plant_ is not None and fit.plant_.another:
         part = fit.plant_
@@ -45,7 +45,7 @@ def _plant(fit: Fit) -> Iterator[Named]:
                 yield "plant", name, "", *part.at(u)[name], {"level": u}
 
 
-def _nonlinear(fit: Fit) -> Iterator[Named]:
+def _of_curves(fit: Fit) -> Iterator[Known]:
     """Curves over the input, and the share."""
     if (p := fit.nonlinear) is None:
         return
@@ -56,42 +56,42 @@ def _nonlinear(fit: Fit) -> Iterator[Named]:
     yield "nonlinear", "C", "", p.C, ci95_of(p, "C"), {}
 
 
-def _linear(fit: Fit) -> Iterator[Named]:
+def _pooled(fit: Fit) -> Iterator[Known]:
     """The mean, the levels, the bounds of B."""
     if (q := fit.linear) is None:
         return
-    yield from _of("linear", q, "a0", "b0", "c0")
+    yield from _rows("linear", q, "a0", "b0", "c0")
     for level in q.per_level:
-        yield from _of("linear", level, "a0", "gain", "B", level=level.level)
+        yield from _rows("linear", level, "a0", "gain", "B", level=level.level)
     if q.bounds is not None:
-        yield from _of("linear", q.bounds, "B_m", "B_M")
+        yield from _rows("linear", q.bounds, "B_m", "B_M")
 
 
-def _levels(fit: Fit) -> Iterator[Named]:
+def _levels(fit: Fit) -> Iterator[Known]:
     """Levels and trends of friction, or the levels of the nonlinear model; the release."""
     if fit.friction is not None:
         for one in fit.friction.levels:
             names = (*SYMBOLS, *(["C_f"] if one.C_f is not None else []))
             between = f"[from {one.from_:g}]" if one.from_ else ""
-            yield from _of("friction", one, *names, level=one.level, place=between)
+            yield from _rows("friction", one, *names, level=one.level, place=between)
         for name, trend in fit.friction.trends.items():
             yield from _powers("friction", name, trend.coefficients, trend.ci95 or ())
     elif fit.nonlinear is not None:
         for curve in fit.nonlinear.curves:
-            yield from _of("nonlinear", curve, *SYMBOLS, level=curve.level)
+            yield from _rows("nonlinear", curve, *SYMBOLS, level=curve.level)
     if fit.release is not None:
         for name in ("tau1", "tau2"):
             yield "release", name, "", getattr(fit.release, name), None, {}
 
 
-def _of(model: str, part: Any, *names: str, level: float | None = None, place: str = "") -> Iterator[Named]:
+def _rows(model: str, part: Any, *names: str, level: float | None = None, place: str = "") -> Iterator[Known]:
     """Values of a part that holds their intervals as `ci95`."""
     known = getattr(part.ci95, "dof", {})
     for name in names:
         yield model, name, place, getattr(part, name), ci95_of(part, name), {"level": level, "dof": known.get(name)}
 
 
-def _powers(model: str, symbol: str, values: Sequence[float], ends: Sequence[Interval], **more: Any) -> Iterator[Named]:
+def _powers(model: str, symbol: str, values: Sequence[float], ends: Sequence[Interval], **more: Any) -> Iterator[Known]:
     """Coefficients, lowest power first."""
     for i, value in enumerate(values):
         yield model, symbol, f"[{i}]", value, ends[i] if i < len(ends) else None, more

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from eaid.results.models import FrictionLevel, Release
 
 LAGS = ("tau1", "tau2", "omega")  # What may go with the input
-Coefficients = Annotated[tuple[Number, ...], msgspec.Meta(min_length=1)]
+Polynomial = Annotated[tuple[Number, ...], msgspec.Meta(min_length=1)]
 
 
 class PlantIntervals(Result, frozen=True):
@@ -42,11 +42,11 @@ class FittedPlant(Result, frozen=True):
     """The one plant that every later command reads; inputs and outputs in the rig's units, counted from rest."""
 
     kind: Literal["lag", "parallel", "overshoot", "series", "ringing"]
-    Ts: Coefficients
+    Ts: Polynomial
     """T_s(u) of inputs above rest, in powers of the input's size, lowest first."""
     u_range: tuple[Annotated[float, msgspec.Meta(ge=0, le=1e60)], Positive]
     """Least and largest identified input, by size."""
-    tau1: Coefficients
+    tau1: Polynomial
     """τ1(u) [s], of `lag` the only time constant; of `series` and `ringing` 1/ω."""
     tau2: tuple[Number, ...] = ()
     """τ2(u) [s], of the kinds that have two in parallel."""
@@ -102,12 +102,12 @@ class FittedPlant(Result, frozen=True):
         input."""
         p, top = self.plant, self.u_range[1]
         names = ("gain", *("gain_below",) * p.signed, *names_of(p))
-        return {name: (number(p, name, top), getattr(self.ci95, name, None)) for name in names}
+        return {name: (number_at(p, name, top), getattr(self.ci95, name, None)) for name in names}
 
     def value(self, name: str, u: float) -> float:
         """What the plant is known by at an input: T_s of a level its own."""
         own = (Ts for level, Ts in self.Ts_levels if name == "Ts" and math.isclose(level, u))
-        return next(own, number(self.plant, name, u))
+        return next(own, number_at(self.plant, name, u))
 
     def at(self, u: float) -> dict[str, tuple[float, Interval]]:
         """T_s and what the plant is known by at an input, each with its interval."""
@@ -150,7 +150,7 @@ def names_of(p: Plant) -> tuple[str, ...]:
     return (*lags.get(p.kind, ("tau1", "tau2", "C")), *("dead_time_s",) * bool(p.dead_time_s))
 
 
-def number(p: Plant, name: str, u: float) -> float:
+def number_at(p: Plant, name: str, u: float) -> float:
     """What a plant is known by at an input, or at that below rest."""
     if name in ("Ts", "gain", "gain_below"):
         at = -u if name == "gain_below" else u

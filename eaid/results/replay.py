@@ -14,7 +14,7 @@ import msgspec
 
 from eaid.arrays import Array
 from eaid.findings import Finding, sentences
-from eaid.options import Rig
+from eaid.options import RigExtras
 from eaid.results.common import Count, Inputs, Made, Number, Positive, Result
 from eaid.results.gains import Tracking
 from eaid.shown import Plotted, pandas
@@ -199,7 +199,7 @@ class Head(Made, frozen=True):
     exercise: Exercise | None = None
     plants: Count | None = None
     band_quantiles: tuple[Number, ...] = ()
-    rig: Rig = Rig()
+    rig: RigExtras = RigExtras()
     not_usable: dict[str, str] = {}
     """What stands on a fit that must not be used, plant or gains, and why."""
     synthetic: str | None = None

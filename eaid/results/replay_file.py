@@ -22,7 +22,7 @@ from eaid.results.codec import digest_of, from_plain, to_plain
 from eaid.results.replay import Head, Metrics, Record, Replay
 from eaid.version import __version__
 
-SCHEMA = "eaid/replay/1"
+REPLAY_SCHEMA = "eaid/replay/1"
 LARGEST_DRAWN = 1e30  # Size from which no value of a column is believed: figures are drawn in single precision
 SIMULATE_AGAIN = "make it again with eaid simulate"
 
@@ -49,16 +49,16 @@ def as_json(replay: Replay) -> dict[str, object]:
         {name: plain_metrics(metrics) for name, metrics in each.items()}
         for each in (replay.metrics(), replay.metrics("recorded-input"))
     )
-    content = {"schema": SCHEMA, **plain_head(replay.head), "controllers": controllers}
+    content = {"schema": REPLAY_SCHEMA, **plain_head(replay.head), "controllers": controllers}
     if log:
         content["log"] = log
-    return {"schema": SCHEMA, "eaid": __version__, "digest": digest_of(content), **content}
+    return {"schema": REPLAY_SCHEMA, "eaid": __version__, "digest": digest_of(content), **content}
 
 
 def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
     """Write a replay; attributes that are no number or text are kept as JSON. The same input gives the same bytes."""
     with hdf5_written_whole(path, force) as file:
-        file.attrs["schema"] = SCHEMA
+        file.attrs["schema"] = REPLAY_SCHEMA
         for name, value in plain_head(replay.head).items():
             file.attrs[name] = value if isinstance(value, str | int | float) else msgspec.json.encode(value).decode()
         for name, record in replay.records.items():
@@ -71,12 +71,12 @@ def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
             group.attrs["metrics"] = msgspec.json.encode(plain_metrics(record.metrics)).decode()
 
 
-def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
+def read_replay_file(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
     """A file of `SCHEMA`, groups in the file's order, and findings about what was left out; DataError where a value has
     another type than its key."""
     left_out: list[Finding] = []
     with open_hdf5(path, str(path)) as file:
-        content = {key: _plain(value, path, key) for key, value in file.attrs.items()}
+        content = {key: _plain_attribute(value, path, key) for key, value in file.attrs.items()}
         records = {}
         for name, group in file.items():
             if not isinstance(group, h5py.Group) or "time_s" not in group:
@@ -84,8 +84,8 @@ def read(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
             arrays = {key: item[...] for key, item in nodes(group) if isinstance(item, h5py.Dataset)}
             columns = _columns(arrays, f"{path}: {name}")
             tables = {key: array for key, array in arrays.items() if key not in columns}
-            numbers = _plain(group.attrs.get("metrics", "{}"), path, "metrics")
-            role = _plain(group.attrs.get("role", "controller"), path, "role")
+            numbers = _plain_attribute(group.attrs.get("metrics", "{}"), path, "metrics")
+            role = _plain_attribute(group.attrs.get("role", "controller"), path, "role")
             records[name] = Record(columns, from_plain(numbers, Metrics, f"{path}: {name}", left_out), tables, role)
         content.setdefault("scenario", "")
         return Replay(from_plain(content, Head, str(path), left_out), records), tuple(left_out)
@@ -106,7 +106,7 @@ def _columns(arrays: Mapping[str, Any], where: str) -> dict[str, Array]:
     return columns
 
 
-def _plain(value: Any, path: Path, name: str) -> Any:
+def _plain_attribute(value: Any, path: Path, name: str) -> Any:
     """An attribute as Python has it; what was kept as JSON is read again."""
     if isinstance(value, bytes):
         value = value.decode("utf-8", errors="replace")

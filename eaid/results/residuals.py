@@ -15,7 +15,7 @@ from eaid.arrays import Array, means_of
 from eaid.results.common import Number, Result
 
 CORRELATION_LAGS, PART_OF_RECORD = 40, 10  # So many lags, the longest this part of the record
-MOST_ROWS = 1_000_000  # Of a record; a longer one by the means of some
+MOST_SHOWN_ROWS = 1_000_000  # Of a record; a longer one by the means of some
 
 
 class Correlation(Result, frozen=True):
@@ -38,7 +38,7 @@ class Correlation(Result, frozen=True):
 
 def correlation_of(parts: Sequence[Array], dt_s: float, u: Array | None = None) -> Correlation:
     """Correlation of residuals, of several records each with itself; with an input where there is one record."""
-    if (rows := max(map(len, parts)) // MOST_ROWS) > 1:
+    if (rows := max(map(len, parts)) // MOST_SHOWN_ROWS) > 1:
         u = None if u is None else means_of(u, rows)
         return correlation_of([means_of(e, rows) for e in parts if len(e) >= rows], rows * dt_s, u)
     n, squares = sum(map(len, parts)), sum(float(e @ e) for e in parts)

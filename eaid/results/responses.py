@@ -66,12 +66,12 @@ def responses_of(steps: StepSet, findings: Sequence[Finding]) -> tuple[LevelResp
     slipping = {u for one in findings if one.code == "output-decays-under-hold" for u in one.levels}
     falls = {one.level: one for one in steps.releases}
     measured = [_measured(one, falls.get(one.level)) for one in steps.levels]
-    spreads = {name: _spread(measured, name) for name in MEASURED}
+    spreads = {name: _pooled_spread(measured, name) for name in MEASURED}
     rows = zip(steps.levels, measured, strict=True)
-    return tuple(_row(one, each, spreads, one.level in slipping) for one, each in rows)
+    return tuple(_response_row(one, each, spreads, one.level in slipping) for one, each in rows)
 
 
-def _row(
+def _response_row(
     level: Level, measured: dict[str, Array], spreads: dict[str, tuple[float, float]], slips: bool
 ) -> LevelResponse:
     values: dict[str, float] = {}
@@ -82,7 +82,7 @@ def _row(
             continue
         values[name], (sd, dof) = float(found.mean()), spreads[name]
         if name in TIMES:  # runs of one level differ in them as its own noise has it
-            sd, dof = _spread([measured], name)
+            sd, dof = _pooled_spread([measured], name)
         reach = float(stdtrit(dof, 0.975)) * sd / math.sqrt(len(found)) if dof > 0 else 0.0
         if 0 < reach < WIDEST:
             ends[name] = (values[name] * math.exp(-reach), values[name] * math.exp(reach))
@@ -127,7 +127,7 @@ def _below(time: Array, output: Array, wanted: float, held: float) -> float:
     return float(lasts[moving_means(output[None], width)[0] < wanted].sum())
 
 
-def _spread(measured: list[dict[str, Array]], name: str) -> tuple[float, float]:
+def _pooled_spread(measured: list[dict[str, Array]], name: str) -> tuple[float, float]:
     """Standard deviation of one run from its level's mean, as a share, pooled over levels, and degrees of freedom."""
     squares, dof = 0.0, 0
     for each in measured:

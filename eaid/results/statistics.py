@@ -46,7 +46,7 @@ def index_of(rows: "tuple[Parameter, ...]") -> "pandas.MultiIndex":
     return pandas.MultiIndex.from_tuples(names, names=["model", "parameter"])
 
 
-def columns_of(rows: "tuple[Parameter, ...]") -> Array:
+def interval_columns(rows: "tuple[Parameter, ...]") -> Array:
     """Value, low, high and degrees of freedom, shape (4, rows); what is not known is NaN, such freedom infinite."""
     cells = [(row.value, row.low, row.high, row.dof) for row in rows]
     table = np.array(cells, dtype=np.float64).reshape(-1, 4).T  # None becomes NaN
@@ -60,7 +60,7 @@ def by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
     return (low > 0) & (value > 0) & off
 
 
-def numbers(name: str, given: Any, most: int = 1) -> Array:
+def as_numbers(name: str, given: Any, most: int = 1) -> Array:
     """An argument as numbers, of so many dimensions at most; `UsageError` where it is none."""
     with contextlib.suppress(TypeError, ValueError):
         found = np.asarray(given, dtype=np.float64)

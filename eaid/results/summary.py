@@ -63,7 +63,7 @@ def answer(fit: "Fit") -> list[str]:
     """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
     model = fit.nonlinear
     told = of_another_kind(fit) and fit.plant_ is not None and fit.plant_.tried[0].gain != "curve"  # by its own line
-    lines = [f"fit    {_fit_pct(fit)}", *replayed(fit), *unseen(fit), *plant_lines(fit), *([] if told else _lines(fit))]
+    lines = [f"fit    {_fit_pct(fit)}", *replayed(fit), *unseen(fit), *plant_lines(fit), *([] if told else _shown(fit))]
     if model is not None and steps_of_other_shapes(fit):
         lines.append("shown  single steps with their dead times; the models have none")
     elif model is not None and not of_another_kind(fit):
@@ -71,7 +71,7 @@ def answer(fit: "Fit") -> list[str]:
         parted = any(one.code in ("joint-fit-parts", "joint-fit-asked-for-parts") for one in fit.findings)
         apart = " (not the joint fit, which gains that scatter lead astray)" if parted else ""
         lines.append(f"used   {used}{apart}")
-    return [*lines, *_held(fit)]
+    return [*lines, *_hold_line(fit)]
 
 
 def of_another_kind(fit: "Fit") -> bool:
@@ -120,7 +120,7 @@ def plant_lines(fit: "Fit") -> list[str]:
     part = fit.plant_
     if part is None or not part.another:
         return []
-    numbers = [f"{name} {value}" for name, value in plant_numbers(fit)]
+    numbers = [f"{name} {value}" for name, value in plant_values(fit)]
     said = [f"plant  {kind_in_words(part.tried[0].kind)}: {', '.join(numbers)}"]
     if part.kind == "overshoot":
         at, peak = peak_of(replace(part.plant.at(part.u_range[1]), Ts=1.0))
@@ -129,7 +129,7 @@ def plant_lines(fit: "Fit") -> list[str]:
     return said
 
 
-def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
+def plant_values(fit: "Fit") -> list[tuple[str, str]]:
     """Gain, time constants, frequency and damping, dead time of a plant, each with its unit and interval."""
     part, found = fit.plant_, []
     assert part is not None
@@ -147,7 +147,7 @@ def plant_numbers(fit: "Fit") -> list[tuple[str, str]]:
     return found
 
 
-def _held(fit: "Fit") -> list[str]:
+def _hold_line(fit: "Fit") -> list[str]:
     """How the highest level comes, slips and goes, as recorded; that T_s is an average where it slips."""
     if not fit.responses:
         return []
@@ -178,7 +178,7 @@ def usable_line(fit: "Fit") -> str:
     return f"usable yes{but}, {f'warned: {said}' if said else 'no warnings'}"
 
 
-def of_fit(fit: "Fit") -> list[str]:
+def cautions(fit: "Fit") -> list[str]:
     """What of a fit's warnings matters to what is made of it, and what it means, in one line; none without."""
     about = [one for one in fit.verdict.warnings if one.subject in MODEL_PARTS or one.code in MEANT]
     about = sorted(about, key=lambda one: one.code not in MEANT)[: MOST_TOLD + 1]
@@ -192,7 +192,7 @@ def values(fit: "Fit") -> list[list[str]]:
     data, steps, plant = fit.data, steps_of_other_shapes(fit), fit.plant_
     out = data.output_unit
     if plant is not None and plant.another and plant.tried[0].gain != "curve":
-        return [[kind_in_words(plant.tried[0].kind), ""], *map(list, plant_numbers(fit))]
+        return [[kind_in_words(plant.tried[0].kind), ""], *map(list, plant_values(fit))]
     if steps:
         late = any(one.dead_time_s for one in steps)
         heading = ["step", f"change [{out}]", "τ1 [s]", "τ2 [s]", *(["dead [s]"] if late else [])]
@@ -224,7 +224,7 @@ def _three(rows: Sequence[T]) -> list[T]:
     return [rows[k] for k in sorted({0, len(rows) // 2, len(rows) - 1})] if rows else []
 
 
-def _lines(fit: "Fit") -> list[str]:
+def _shown(fit: "Fit") -> list[str]:
     """The values as lines, left-aligned."""
     cells = values(fit)
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]

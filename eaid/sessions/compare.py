@@ -30,9 +30,9 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Margin
-from eaid.sessions.gather import MANY, NO_INTERVAL, RESPONSES, Value, snapped, together, values_of
+from eaid.sessions.gather import MANY, NO_INTERVAL, RESPONSES, SessionValue, snapped, told_together, values_of_fit
 from eaid.sessions.loop import Promise
-from eaid.sessions.model import two_sided
+from eaid.sessions.model import chance_beyond
 from eaid.shown import Plotted, pandas
 
 MOVED_CHANCE = 0.05
@@ -132,7 +132,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     output_unit: str = ""
     files: dict[str, str] = {}
     """Letter of each session → its file."""
-    values: dict[str, tuple[Value, ...]] = {}
+    values: dict[str, tuple[SessionValue, ...]] = {}
     """T_s of each session, for the picture."""
     shifts: tuple[Shift, ...] = ()
     retune: Retune | None = None
@@ -197,8 +197,8 @@ def _pct(ratio: float) -> str:
 
 def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareOptions) -> Comparison:
     """The first session against each of the others; DataError where they are not of one rig, or share no level."""
-    told = together(fits)
-    if unknown := [name for name, fit in fits.items() if not values_of(fit, "Ts", name)]:
+    told = told_together(fits)
+    if unknown := [name for name, fit in fits.items() if not values_of_fit(fit, "Ts", name)]:
         raise DataError(f"{unknown[0]}: {NO_INTERVAL}")
     letters, shifts = dict(zip(fits, ascii_uppercase, strict=False)), list[Shift]()
     first, *others = fits
@@ -215,7 +215,7 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
     return Comparison(
         options=options, input_unit=data.input_unit, output_unit=data.output_unit, shifts=tuple(held),
         files={letter: name for name, letter in letters.items()},
-        values={letter: tuple(values_of(fits[name], "Ts", letter)) for name, letter in letters.items()},
+        values={letter: tuple(values_of_fit(fits[name], "Ts", letter)) for name, letter in letters.items()},
         retune=None if gains is None else _retune(fits[first], gains), findings=tuple(told),
     )  # fmt: skip
 
@@ -245,7 +245,7 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     delta, own = np.log(one_of[0] / other_of[0]), one_of[1] + other_of[1]
     welch = np.minimum(own**2 / (one_of[1] ** 2 / one_of[2] + other_of[1] ** 2 / other_of[2]), MANY)
     weight = (1 / own) / (1 / own).sum()
-    spreads = [_spread(fit, quantity, [of[u] for u in levels]) for fit, of in ((one, a), (other, b))]
+    spreads = [_session_covariance(fit, quantity, [of[u] for u in levels]) for fit, of in ((one, a), (other, b))]
     V, apart, spare = spreads[0][0] + spreads[1][0], spreads[0][1] + spreads[1][1], max(one[2] for one in spreads) - 1
     m, error, degrees = float(weight @ delta), float(np.sqrt(weight @ V @ weight)), float(weight @ welch)
     Q = _unlike(delta - m, apart, weight, spare)
@@ -253,11 +253,11 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     rows = zip(levels, *np.exp([delta, delta - reach, delta + reach]).tolist(), strict=True)
     ratio, low, high = np.exp(m + np.array([0.0, -1.0, 1.0]) * stdtrit(degrees, 0.975) * error).tolist()
     alike = float(fdtrc(spare, float(welch.min()), Q / spare)) if spare else None
-    p = two_sided(m / error, degrees)
+    p = chance_beyond(m / error, degrees)
     return Shift(quantity, letter, ratio, low, high, p, alike, degrees, tuple(Change(*row) for row in rows))
 
 
-def _spread(fit: Fit, quantity: str, values: Sequence[Value]) -> tuple[Array, Array, int]:
+def _session_covariance(fit: Fit, quantity: str, values: Sequence[SessionValue]) -> tuple[Array, Array, int]:
     """Covariance of a session's values, that of their distances to their mean, (L, L) each, and how many numbers these
     follow from: τ1(u) and τ2(u) have their coefficients, each level a T_s of its own, though all rest on the same τ."""
     sd, part = np.array([one.sd_log for one in values]), fit.nonlinear
@@ -281,9 +281,9 @@ def _unlike(off: Array, V: Array, weight: Array, spare: int) -> float:
     return float(((ways[:, top].T @ off) ** 2 / np.maximum(size[top], 1e-300)).sum())
 
 
-def _seen(fit: Fit, quantity: str, letter: str) -> list[Value]:
+def _seen(fit: Fit, quantity: str, letter: str) -> list[SessionValue]:
     """What a session has shown of a number: of one known by reference steps, at their levels only."""
-    values, steps = values_of(fit, quantity, letter), {source.level for source in fit.data.sources}
+    values, steps = values_of_fit(fit, quantity, letter), {source.level for source in fit.data.sources}
     return [one for one in values if one.level in steps or not fit.of_sessions]
 
 

@@ -19,7 +19,7 @@ from eaid.levels.workflow import fit_steps
 from eaid.logs.folders import files_of
 from eaid.logs.read import read_runs
 from eaid.options import FitOptions, ReadOptions
-from eaid.reading import steps_of
+from eaid.reading import steps_in
 from eaid.results.fit import Fit
 from eaid.sessions.model import steps_known
 from eaid.sessions.rig import Rig
@@ -71,7 +71,7 @@ def followed(
     rows, shown = planned(plan) if plan else [], dict[Path, list[tuple[float, float]]]()
     for file in whole_files(paths, silence_s):
         try:
-            fit = fit_steps(steps_of(read_runs([file], reading), reading)[1], FitOptions(model=("friction",)))
+            fit = fit_steps(steps_in(read_runs([file], reading), reading)[1], FitOptions(model=("friction",)))
         except DataError as fault:
             unread.add(file)
             yield f"{fault.sentences[0]}; record it again?"
@@ -79,14 +79,14 @@ def followed(
         unread.discard(file)
         shown[file] = []
         for row in (one for one in fit.friction_levels if one.from_ == 0):
-            said, fine = _judged(fit, row.level, row.Ts, rig, [one for each in shown.values() for one in each])
+            said, fine = _judged_value(fit, row.level, row.Ts, rig, [one for each in shown.values() for one in each])
             shown[file] += [(row.level, row.Ts)] if fine else []
             yield said
         if rows:
             yield next_planned(rows, [level for each in shown.values() for level, _ in each], fit.data.input_unit)
 
 
-def _judged(
+def _judged_value(
     fit: Fit, level: float, value: float, rig: Rig | None, shown: Sequence[tuple[float, float]]
 ) -> tuple[str, bool]:
     """`60 %: T_s 1.58 N·m (expected 1.31 … 1.9) ok`, and whether it is so."""

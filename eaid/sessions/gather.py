@@ -34,7 +34,7 @@ NAMED = {"f": "drive frequency", "freq": "drive frequency", "v": "speed", "speed
 DRIVE = {"pwm_hz": "drive frequency", "voltage_v": "drive voltage"}
 
 
-class Value(Result, frozen=True):
+class SessionValue(Result, frozen=True):
     """One value of a session at a level; what its own fit leaves of the logarithm, as a standard deviation."""
 
     session: str
@@ -51,7 +51,7 @@ class Session(Result, frozen=True):
     logs: tuple[Input, ...] = ()
 
 
-def values_of(fit: Fit, name: str, session: str, of_one_run: bool = False) -> list[Value]:
+def values_of_fit(fit: Fit, name: str, session: str, of_one_run: bool = False) -> list[SessionValue]:
     """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (of level 1), as its data tell; those
     without an interval only where they may be `of_one_run`, as if they were certain."""
     linear, pooled = fit.linear, sum(max(one.runs - 1, 0) for one in fit.responses)
@@ -69,9 +69,9 @@ def values_of(fit: Fit, name: str, session: str, of_one_run: bool = False) -> li
         if ends is not None and 0 < ends[0] <= value <= ends[1]:
             dof = min(getattr(row.ci95, "dof", {name: pooled}).get(name) or MANY, MANY)
             sd_log = float(np.log(ends[1] / ends[0]) / 2 / stdtrit(dof, 0.975))
-            found.append(Value(session, level, value, sd_log, dof))
+            found.append(SessionValue(session, level, value, sd_log, dof))
         elif of_one_run:
-            found.append(Value(session, level, value, 0.0))
+            found.append(SessionValue(session, level, value, 0.0))
     return found
 
 
@@ -88,7 +88,7 @@ def run_scatter(fit: Fit, name: str) -> float | None:
     """Standard deviation of ln θ from run to run, where the fit knows it."""
     if name in RESPONSES:
         runs = {row.level: row.runs for row in fit.responses}
-        each = [one.sd_log**2 * runs[one.level] for one in values_of(fit, name, "")]
+        each = [one.sd_log**2 * runs[one.level] for one in values_of_fit(fit, name, "")]
         return float(np.sqrt(np.mean(each))) if each else None
     noise = fit.uncertainty.noise if fit.uncertainty is not None else None
     parts = {"B": ("Ts", "tau1"), "a0": ("tau1",)}.get(name, (name,))
@@ -96,7 +96,7 @@ def run_scatter(fit: Fit, name: str) -> float | None:
     return float(np.hypot.reduce(known)) if known else None
 
 
-def snapped(values: Sequence[Value]) -> list[Value]:
+def snapped(values: Sequence[SessionValue]) -> list[SessionValue]:
     """Levels that are nearly alike made the same."""
     levels = np.unique([one.level for one in values])
     group = np.cumsum(np.append(0, np.diff(np.log(levels)) > LEVELS_SAME)) if len(levels) else levels
@@ -109,7 +109,7 @@ def logs_of(fit: Fit) -> tuple[Input, ...]:
     return tuple(Input(*one) for one in dict.fromkeys((one.path, one.sha256) for one in fit.data.sources))
 
 
-def together(fits: Mapping[str, Fit]) -> list[Finding]:
+def told_together(fits: Mapping[str, Fit]) -> list[Finding]:
     """What is to be known of fits that belong together: which must not be used.
 
     DataError where one is of other units, kind, drive or stand than the first, or has a log of another.
@@ -162,7 +162,7 @@ def _conditions(fit: Fit) -> dict[str, str | None]:
     return {**said, **{what: None if rig is None else f"{getattr(rig, name):g}" for what, name in rows}, **in_names}
 
 
-def table_values(frame: "pandas.DataFrame") -> list[Value]:
+def table_values(frame: "pandas.DataFrame") -> list[SessionValue]:
     """The values of a plain table with the columns session, level, value, sd_log; DataError for one that is none."""
     missing = [name for name in PLAIN_COLUMNS if name not in frame.columns]
     if missing:
@@ -175,8 +175,8 @@ def table_values(frame: "pandas.DataFrame") -> list[Value]:
         rule = "level and value have to be above 0 and sd_log 0 or above, as the model is one of logarithms"
         wrong = [(k + 1, ", ".join(map(str, cells.iloc[k]))) for k in np.flatnonzero(~fine)[:5]]
         raise DataError(*(f"row {k} of the table ({row}): {rule}; mend or drop it" for k, row in wrong))
-    found = [Value(str(session), *row) for session, row in zip(cells["session"], numbers.tolist(), strict=True)]
-    first = dict[tuple[str, float], Value]()
+    found = [SessionValue(str(session), *row) for session, row in zip(cells["session"], numbers.tolist(), strict=True)]
+    first = dict[tuple[str, float], SessionValue]()
     for k, one in enumerate(found, 1):
         other = first.setdefault((one.session, one.level), one)
         if abs(np.log(one.value / other.value)) > IMPOSSIBLE * max(one.sd_log, other.sd_log, EXACT):
@@ -188,7 +188,7 @@ def table_values(frame: "pandas.DataFrame") -> list[Value]:
     return found
 
 
-def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[Value], list[Finding]]:
+def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[SessionValue], list[Finding]]:
     """Files of fits by their names, or the values of one table; and what is to be told of the files."""
     if len(paths) == 1 and paths[0].suffix.lower() in (".csv", ".tsv", ".txt"):
         try:
@@ -197,6 +197,6 @@ def read_sessions(paths: Sequence[Path]) -> tuple[dict[str, Fit], list[Value], l
             raise DataError(f"{paths[0]}: {str(fault).splitlines()[0]}") from None
     if twice := next((path for k, path in enumerate(paths) if path in paths[:k]), None):
         raise DataError(f"{twice}: is given twice; a session is one fit")
-    stems, read = [path.stem for path in paths], [codec.read(path, Fit) for path in paths]
+    stems, read = [path.stem for path in paths], [codec.read_as(path, Fit) for path in paths]
     names = stems if len(set(stems)) == len(stems) else list(map(str, paths))
     return dict(zip(names, (fit for fit, _ in read), strict=True)), [], [one for _, told in read for one in told]

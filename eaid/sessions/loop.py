@@ -97,10 +97,10 @@ def promise_of(
     noise = block_noise(run.output)
     record = given.records[name]
     from_s = max(record.metrics.counted_from_s or 0.0, given.head.counted_from_s or 0.0)
-    return Promise(name, run.where, run.output_unit, noise, _rows(run, record, noise, from_s))
+    return Promise(name, run.where, run.output_unit, noise, _errors_of_loop(run, record, noise, from_s))
 
 
-def _rows(run: Run, record: Record, noise: float, from_s: float) -> tuple[Kept, ...]:
+def _errors_of_loop(run: Run, record: Record, noise: float, from_s: float) -> tuple[Kept, ...]:
     """RMS and largest error from the instant on that those of the replay count from, and by how much the output peaks
     above the reference's highest value."""
     assert run.reference_nm is not None

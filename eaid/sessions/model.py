@@ -30,7 +30,7 @@ TOLD = 1.92  # In log L: more than chance gives one parameter in 19 of 20 cases
 NEW = -1  # The session that is still to come
 
 
-def two_sided(t: float, dof: float) -> float:
+def chance_beyond(t: float, dof: float) -> float:
     """Probability of a t at least so far from 0."""
     return float(2 * stdtr(dof, -abs(t)))
 
@@ -46,7 +46,7 @@ def between(knots: Array, level: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownValues:
     """n values of ln θ with their own variance W: in which session, at which level."""
 
     session: Array
@@ -55,15 +55,15 @@ class Known:
     W: Array
 
 
-def known(rows: Iterable[tuple[float, float, float, float]]) -> Known:
+def as_known(rows: Iterable[tuple[float, float, float, float]]) -> KnownValues:
     """Rows of session, level, value and the standard deviation of its logarithm."""
     session, level, value, sd_log = np.array(list(rows), dtype=np.float64).reshape(-1, 4).T
-    return Known(session, level, np.log(value), np.maximum(sd_log, EXACT) ** 2)
+    return KnownValues(session, level, np.log(value), np.maximum(sd_log, EXACT) ** 2)
 
 
-def steps_known(steps: Iterable[tuple[float, float, float]]) -> Known:
+def steps_known(steps: Iterable[tuple[float, float, float]]) -> KnownValues:
     """What the session to come has shown of itself: level, value, standard deviation of its logarithm."""
-    return known((NEW, *step) for step in steps)
+    return as_known((NEW, *step) for step in steps)
 
 
 NO_STEPS = steps_known(())
@@ -101,10 +101,10 @@ class Next:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class SessionModel:
     """The model of one number; `terms` of X, 0: one a level."""
 
-    known: Known
+    known: KnownValues
     reference: float
     terms: int
     variances: Array  # Of gain, tilt and level; 0 of what the sessions cannot show
@@ -142,7 +142,7 @@ class Model:
             return np.asarray(np.log(level / self.reference)[:, None] ** np.arange(self.terms))
         return between(self.knots, level)
 
-    def common(self, one: Known, other: Known) -> Array:
+    def common(self, one: KnownValues, other: KnownValues) -> Array:
         """What two sets of values have in common, by component, (k, n, m)."""
         x, z = np.log(one.level / self.reference), np.log(other.level / self.reference)
         same = (one.session[:, None] == other.session) * 1.0
@@ -156,14 +156,14 @@ class Model:
         values = MixedValues(of.y, self.rows(of.level), np.diag(of.W), tuple(self.common(of, of)))
         return values.at(self.variances[self.free])
 
-    def likeliest(self) -> tuple["Model", float]:
+    def likeliest(self) -> tuple["SessionModel", float]:
         """The same with the variances that its values make likeliest, looked for from its own; and −log L there."""
         near, variances = self.variances[self.free], np.zeros(3)
         found = fit_restricted(self.line.values, np.maximum(near, 1e-3) if near.any() else None)
         variances[self.free] = found.v
         return replace(self, variances=variances), found.cost
 
-    def placed(self) -> "Model":
+    def placed(self) -> "SessionModel":
         """The model with the likeliest of its levels as reference, from its own neighbour by neighbour, where that is
         no chance: where sessions that lie high rise more steeply too, gain and tilt are apart only where they meet."""
         best, least, levels = self, self.line.cost, self.knots.tolist()
@@ -176,17 +176,17 @@ class Model:
                 best, least = one, cost
         return best if least < enough else self
 
-    def next(self, level: Array, steps: Known = NO_STEPS) -> Next:
+    def next(self, level: Array, steps: KnownValues = NO_STEPS) -> Next:
         """The next session at some levels, given its reference steps: c being the share of what the steps show beyond
         their own means that goes on, its variance is that of (1, −c) times the session there and the steps."""
         return self._given(self._ahead(np.append(level, steps.level)), level, steps)
 
     def _ahead(self, level: Array) -> Further:
         """The next session at some levels, of which nothing is known."""
-        new = Known(np.full(len(level), NEW), level, 0 * level, 0 * level)
+        new = KnownValues(np.full(len(level), NEW), level, 0 * level, 0 * level)
         return self.line.further(self.rows(level), self.common(self.known, new), self.common(new, new))
 
-    def _given(self, both: Further, level: Array, steps: Known) -> Next:
+    def _given(self, both: Further, level: Array, steps: KnownValues) -> Next:
         """The same at the first of them, the others being the levels of its reference steps."""
         n, part = len(level), self.part_at(np.append(level, steps.level))
         V = both.covariance + np.diag(np.append(0 * level, steps.W))
@@ -220,4 +220,4 @@ class Model:
         order = sessions - sessions.mean()
         slope = float(order @ gain / (order @ order))
         error = float(np.linalg.norm(gain - gain.mean() - slope * order) / np.sqrt((self.count - 2) * (order @ order)))
-        return slope, two_sided(slope / error, self.count - 2) if error > EXACT else 1.0
+        return slope, chance_beyond(slope / error, self.count - 2) if error > EXACT else 1.0

@@ -20,8 +20,8 @@ from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.verdict import FACTOR
 from eaid.sessions import gather
-from eaid.sessions.gather import RESPONSES, Session, Value
-from eaid.sessions.model import NO_STEPS, Known, Model, Next, known, steps_known
+from eaid.sessions.gather import RESPONSES, Session, SessionValue
+from eaid.sessions.model import NO_STEPS, KnownValues, Next, SessionModel, as_known, steps_known
 from eaid.shown import Plotted, counted, pandas
 
 LEAST_SESSIONS = 3  # Sessions that tell how much they differ
@@ -34,7 +34,7 @@ COMPONENTS = ("gain", "tilt", "session × level")
 SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", "a0", *RESPONSES)
 
 
-class Scatter(Result, frozen=True):
+class SessionScatter(Result, frozen=True):
     """Standard deviations of ln θ over the sessions: gain, tilt over ln level, session at a level."""
 
     gain: Number = 0.0
@@ -63,8 +63,8 @@ class Quantity(Result, frozen=True):
     reference_level: Positive
     terms: int
     """Of the common line in ln level; 0: one a level."""
-    values: tuple[Value, ...]
-    sd: Scatter
+    values: tuple[SessionValue, ...]
+    sd: SessionScatter
     sd_step: Number
     """Standard deviation of ln θ of a reference step, by how much single runs scatter."""
     best_level: Positive
@@ -83,10 +83,10 @@ class Quantity(Result, frozen=True):
         """The same once one reference step at the best level is known."""
         return max(one.with_step for one in self.next)
 
-    def model(self, names: Sequence[str]) -> Model:
+    def model(self, names: Sequence[str]) -> SessionModel:
         """Its model over the sessions of these names."""
         variances = np.square(msgspec.structs.astuple(self.sd))
-        return Model(_known(self.values, names), self.reference_level, self.terms, variances)
+        return SessionModel(_as_known(self.values, names), self.reference_level, self.terms, variances)
 
 
 class Rig(Plotted, codec.Saved, Made, frozen=True):
@@ -118,7 +118,7 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         name = next(iter(self.quantities))
         return SYMBOLS.get(name, name)
 
-    def foreseen(self, levels: Array, steps: Known = NO_STEPS, quantity: str = "") -> Next:
+    def foreseen(self, levels: Array, steps: KnownValues = NO_STEPS, quantity: str = "") -> Next:
         """The next session's values of a quantity, of the main one where none is named."""
         return (self.quantities[quantity] if quantity else self.main).model(self.names).next(levels, steps)
 
@@ -223,13 +223,13 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
         raise DataError(
             f"{foretold[0]}: is foreseen by reference steps, no session of its own; fit the logs of its session"
         )
-    told = gather.together(fits)
+    told = gather.told_together(fits)
     sound = [fit for fit in fits.values() if fit.verdict.usable] or list(fits.values())
     base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
     units = {"tau1": "s", "tau2": "s", "a0": "1/s", **dict.fromkeys(("Ts", *RESPONSES), base.data.output_unit)}
     found = {}
     for name in SESSION_NUMBERS:
-        values = gather.snapped([one for key, fit in fits.items() for one in gather.values_of(fit, name, key)])
+        values = gather.snapped([one for key, fit in fits.items() for one in gather.values_of_fit(fit, name, key)])
         without = [key for key in fits if key not in {one.session for one in values}]
         if len(fits) - len(without) >= LEAST_SESSIONS:
             runs = [sd for fit in fits.values() if (sd := gather.run_scatter(fit, name)) is not None]
@@ -241,22 +241,22 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
             raise DataError(f"{', '.join(without)}: {gather.NO_INTERVAL}")
     sessions = tuple(Session(name, gather.logs_of(fit)) for name, fit in fits.items())
     slim = msgspec.structs.replace(base, steps=(), responses=(), parameters=(), recorded=None, findings=())
-    return _judged(found, options=options, input_unit=base.data.input_unit, sessions=sessions, base=slim,
+    return _judged_rig(found, options=options, input_unit=base.data.input_unit, sessions=sessions, base=slim,
                    findings=tuple(told))  # fmt: skip
 
 
-def rig_of_table(values: Sequence[Value], options: SessionsOptions) -> Rig:
+def rig_of_table(values: Sequence[SessionValue], options: SessionsOptions) -> Rig:
     """A rig of a plain table."""
     if len(names := list(dict.fromkeys(one.session for one in values))) < LEAST_SESSIONS:
         raise DataError(f"the table holds {counted(len(names), 'session')}; three and more tell what the next may be")
     found = {"value": quantity_of(gather.snapped(values), names, options)}
-    return _judged(found, options=options, sessions=tuple(map(Session, names)))
+    return _judged_rig(found, options=options, sessions=tuple(map(Session, names)))
 
 
 def quantity_of(
-    values: Sequence[Value], names: Sequence[str], options: SessionsOptions, sd_step: float | None = None,
+    values: Sequence[SessionValue], names: Sequence[str], options: SessionsOptions, sd_step: float | None = None,
     unit: str = "",
-) -> tuple[Quantity, Model]:  # fmt: skip
+) -> tuple[Quantity, SessionModel]:  # fmt: skip
     """One number over the sessions, the next one foreseen; and its model."""
     levels = np.unique([one.level for one in values])
     each = [{one.level for one in values if one.session == name} for name in names]
@@ -265,35 +265,35 @@ def quantity_of(
         terms = 0
     middle = float(levels[len(levels) // 2])
     sd = median([one.sd_log for one in values]) if sd_step is None else sd_step
-    model = Model(_known(values, names), options.reference_level or middle, terms, np.zeros(3)).likeliest()[0]
+    model = SessionModel(_as_known(values, names), options.reference_level or middle, terms, np.zeros(3)).likeliest()[0]
     if options.reference_level is None and model.count >= MANY_SESSIONS:
         model = model.placed()
     now, (best, after) = model.next(model.knots), model.worth_most(sd)
     finer = replace(model, known=replace(model.known, W=0.75 * model.known.W)).next(model.knots)
     rows = np.column_stack([now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach)])
-    scatter, more = Scatter(*np.sqrt(model.variances).tolist()), float(np.exp(finer.reach.max()))
+    scatter, more = SessionScatter(*np.sqrt(model.variances).tolist()), float(np.exp(finer.reach.max()))
     foreseen = tuple(Foreseen(*row) for row in rows.tolist())
     return Quantity(unit, model.reference, terms, tuple(values), scatter, sd, best, more, foreseen), model
 
 
-def _known(values: Sequence[Value], names: Sequence[str]) -> Known:
+def _as_known(values: Sequence[SessionValue], names: Sequence[str]) -> KnownValues:
     """Values as the model takes them; DataError where one is of another session than these."""
     if strange := {one.session for one in values}.difference(names):
         raise DataError(f"a value of the rig is of {min(strange)}, which is none of its sessions; make it again")
-    return known((names.index(one.session), one.level, one.value, one.sd_log) for one in values)
+    return as_known((names.index(one.session), one.level, one.value, one.sd_log) for one in values)
 
 
-def _judged(found: Mapping[str, tuple[Quantity, Model]], **parts: Any) -> Rig:
+def _judged_rig(found: Mapping[str, tuple[Quantity, SessionModel]], **parts: Any) -> Rig:
     """The rig, with what is to be known of its main quantity; UsageError for more terms than that carries."""
     rig = Rig(quantities={name: one for name, (one, _) in found.items()}, **parts)
     (one, model), wanted = next(iter(found.values())), rig.options.terms
     if one.terms and wanted not in (None, one.terms):
         held = f"{counted(len(model.known.y), 'value')} at {counted(len(model.knots), 'level')}"
         raise UsageError(f"«terms» {wanted}: the sessions hold {held}; give {one.terms} at most")
-    return msgspec.structs.replace(rig, findings=ranked([*rig.findings, *_told(rig, one, model)]))
+    return msgspec.structs.replace(rig, findings=ranked([*rig.findings, *_rig_findings(rig, one, model)]))
 
 
-def _told(rig: Rig, one: Quantity, model: Model) -> Iterator[Finding]:
+def _rig_findings(rig: Rig, one: Quantity, model: SessionModel) -> Iterator[Finding]:
     unit, tell = rig.input_unit, partial(finding, subject="sessions")
     name = next(iter(rig.quantities))
     if model.count < FEW_SESSIONS:
@@ -315,14 +315,14 @@ def _told(rig: Rig, one: Quantity, model: Model) -> Iterator[Finding]:
         yield tell("levels-and-sessions-confounded", levels=apart, unit=unit)
 
 
-def _carried(model: Model) -> tuple[int, float]:
+def _carried(model: SessionModel) -> tuple[int, float]:
     """The session that lies furthest off, and by what factor the next one's interval reaches without it; infinite where
     the others do not tell."""
     line, of = model.line, model.known
     off = np.where(of.session == np.arange(of.session.max() + 1)[:, None], line.residuals, 0.0)
     far = int(np.argmax(np.einsum("sn,nm,sm->s", off, line.inverse, off)))
     kept = of.session != far
-    rest = replace(model, known=Known(*(one[kept] for one in (of.session, of.level, of.y, of.W))))
+    rest = replace(model, known=KnownValues(*(one[kept] for one in (of.session, of.level, of.y, of.W))))
     enough = len(rest.known.y) > line.values.X.shape[1] and len(rest.knots) == len(model.knots)
     if model.count <= LEAST_SESSIONS or not enough:
         return far, math.inf

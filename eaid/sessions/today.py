@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from scipy.linalg import block_diag
 
 from eaid.arrays import Array, median
-from eaid.declared import chosen, part
+from eaid.declared import given_options, part
 from eaid.errors import DataError
 from eaid.estimate.coefficients import CURVES_ORDER, with_intervals
 from eaid.findings import Finding, finding, ranked, stops
@@ -28,8 +28,8 @@ from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
 from eaid.results.parameters import parameters_of
 from eaid.results.responses import LevelResponse, ResponseIntervals, responses_of
-from eaid.sessions.gather import MANY, RESPONSES, RIG, logs_of, together, values_of
-from eaid.sessions.model import NO_STEPS, Known, Next, between, steps_known
+from eaid.sessions.gather import MANY, RESPONSES, RIG, logs_of, told_together, values_of_fit
+from eaid.sessions.model import NO_STEPS, KnownValues, Next, between, steps_known
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
@@ -37,14 +37,14 @@ NOT_FITTED = dict.fromkeys(("solver", "samples", "rmse", "sse", "fit_pct", "R2")
 INPUTS_DRAWN = 11  # Over the range, beside the levels, through which a curve is put
 # Part of τ1 by which a step's dead time may lie off the plant's; factor by which its τ1 may lie off τ1's interval
 LATE_PART, TAU_SCATTER = 0.1, 1.05
-Foreseen = Mapping[str, Next]  # What the sessions know, by its name
+NextByName = Mapping[str, Next]  # What the sessions know, by its name
 
 
 def reading_of(rig: Rig, given: ReadOptions | None) -> ReadOptions:
     """How reference steps are read: as the logs of the sessions, but for what is given."""
     before = rig.base.options.reading if rig.base is not None else {}
     kept = {name: value for name, value in before.items() if name not in ("levels", "repair")}
-    return chosen(ReadOptions, None, {**kept, **(given.stated() if given is not None else {})})
+    return given_options(ReadOptions, None, {**kept, **(given.stated() if given is not None else {})})
 
 
 def today(rig: Rig, step: Fit | StepSet) -> Fit:
@@ -59,7 +59,7 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     if again := [one for one in logs_of(shown) if one.sha256 in names]:
         was = names[again[0].sha256]
         raise DataError(f"{again[0].path}: is a log of session {was} already; give a step of the new session")
-    together({RIG: base, "today": shown})
+    told_together({RIG: base, "today": shown})
     steps = {name: _steps(rig, shown, name) for name in rig.quantities}
     if not len(steps["Ts"].y):
         raise DataError("no reference step has a T_s above 0; record one whose output rises")
@@ -85,7 +85,7 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     late_s, moved = plant_in_steps(base, shown)
     if made.plant_ is not None and late_s is not None:
         made = replace(made, plant_=replace(made.plant_, dead_time_s=late_s))
-    told = ranked((*_told(rig, steps["Ts"], foreseen), *moved, *stops(shown.findings)))
+    told = ranked((*_today_findings(rig, steps["Ts"], foreseen), *moved, *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
     replayed = () if isinstance(step, Fit) else of_own_logs(made, step.logs)
     return replace(made, parameters=parameters_of(made), data=replace(data, replayed=replayed))
@@ -111,16 +111,16 @@ def plant_in_steps(base: Fit, shown: Fit) -> tuple[float | None, list[Finding]]:
 def _fitted(base: Fit, steps: StepSet) -> Fit:
     models = ("friction", "linear") if steps.kind == "clutch" else ("friction",)
     given = {**part(FitOptions, base.options).given(), "model": models, "hold_out": (), "bounds_levels": None}
-    fitted = fit_steps(steps, chosen(FitOptions, None, given))
+    fitted = fit_steps(steps, given_options(FitOptions, None, given))
     return replace(fitted, responses=responses_of(steps, fitted.findings))
 
 
-def _steps(rig: Rig, shown: Fit, name: str) -> Known:
+def _steps(rig: Rig, shown: Fit, name: str) -> KnownValues:
     """What the reference steps say of a number: known no better than so many runs are, however quiet one is. Of a0 of
     one level nothing: it is another number than that of all."""
     if name == "a0":
         return NO_STEPS
-    values, data = values_of(shown, name, "", of_one_run=name in ("Ts", *RESPONSES)), shown.data
+    values, data = values_of_fit(shown, name, "", of_one_run=name in ("Ts", *RESPONSES)), shown.data
     known = []
     for one in values:
         k = data.levels.index(one.level) if one.level in data.levels else None
@@ -143,7 +143,7 @@ def _still_to_come(rig: Rig, level: float, hold_s: float) -> float:
     return 0.5 * (1 - plant.C) * float(decay(np.array(hold_s), plant.time_constants(level)[1]))
 
 
-def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
+def _today_findings(rig: Rig, steps: KnownValues, foreseen: NextByName) -> list[Finding]:
     """How sure today is, a step beyond what was foreseen, what is taken from the base, a level beyond the sessions'."""
     one, model, after = rig.main, rig.main.model(rig.names), float(np.exp(foreseen["Ts"].reach.max()))
     found = [
@@ -163,7 +163,7 @@ def _told(rig: Rig, steps: Known, foreseen: Foreseen) -> list[Finding]:
     return [*found, finding("kept-from-base", "sessions", parameters=kept)] if kept else found
 
 
-def _at(foreseen: Foreseen, names: Sequence[str], k: int) -> tuple[dict[str, float], dict[str, Any]]:
+def _at(foreseen: NextByName, names: Sequence[str], k: int) -> tuple[dict[str, float], dict[str, Any]]:
     """Of what the sessions know of some numbers: values at level k, and their ends, with the degrees of freedom."""
     known = {name: foreseen[name] for name in names if name in foreseen}
     ends = {name: tuple(one.ends[:, k].tolist()) for name, one in known.items()}
@@ -171,7 +171,7 @@ def _at(foreseen: Foreseen, names: Sequence[str], k: int) -> tuple[dict[str, flo
     return {name: float(one.value[k]) for name, one in known.items()}, {**ends, "dof": dof}
 
 
-def _with_levels(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
+def _with_levels(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
     """The fit with the foreseen values as those of its levels."""
     if base.friction is None:
         return base
@@ -185,7 +185,7 @@ def _with_levels(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
     return replace(base, friction=parts.Friction(base.friction.C, base.friction.over, tuple(levels)))
 
 
-def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
+def _with_plant(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
     """The fit with its plant's curves put through the foreseen values, and the covariance of these."""
     plant, model = base.plant_ or base.nonlinear, base.nonlinear
     if plant is None:
@@ -222,7 +222,7 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
     return replace(base, nonlinear=with_intervals(plain, shown, block_diag(*blocks.values()), degrees))
 
 
-def _with_linear(base: Fit, rows: Sequence[Any], foreseen: Foreseen) -> Fit:
+def _with_linear(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
     """The fit with a linear model whose gain follows T_s, and with B of the next session."""
     old = base.linear
     if old is None or not old.a0 > 0 or not foreseen.keys() >= {"B", "a0"}:

@@ -41,7 +41,7 @@ LEVELS_ASKED = 10  # Levels that are asked
 LONGEST_DELAY_PART = 0.9  # Part of a record that a dead time may take
 START_ROWS, LEAST_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
 START_CHANCE = 0.01  # By which the runs' scatter may explain it
-LEAST_ROWS = 8  # Of a level or release behind its dead time
+LEAST_ROWS_BEHIND = 8  # Of a level or release behind its dead time
 SURE_ROWS = 0.2  # Rows that the form of the curve leaves open
 RISE_PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its start
 FEWEST_ROWS, RISE_TAUS = 6, 30
@@ -84,15 +84,15 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
     found = find_by_rises(stepset)
     theta_s = found.dead_time_s
     levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
-    law = Law("free", share) if options.held_share in (None, SHARE) else Law("two", share)
-    early = theta_s < 0 or (not theta_s and begin_off_rest(levels))
+    law = DelayedLaw("free", share) if options.held_share in (None, SHARE) else DelayedLaw("two", share)
+    early = theta_s < 0 or (not theta_s and risen_when_noted(levels))
     if theta_s or early or are_late(levels, law):
         # of an input noted late, holds end as much before their noted end
         whole = [one.ended(ENDS_PART * float(one.time_s[-1])) if early else one for one in levels]
         by_curves = find_by_cost(whole, law, white=not early)
         if by_curves is not None and (by_curves.dead_time_s < 0 or not early):
             return by_curves
-    better = sum(explains_as_well(step, theta_s, replace(options, shape=law.shape)) for step in steps) if theta_s else 0
+    better = sum(begins_late(step, theta_s, replace(options, shape=law.shape)) for step in steps) if theta_s else 0
     return found if not steps or 2 * better > len(steps) else Begin()
 
 
@@ -133,15 +133,15 @@ def _mean(theta: Array, weight: Array, levels: Sequence[Level]) -> tuple[float, 
     """The weighed mean of starts, and how far by their scatter it may be off."""
     mean, total = float(np.average(theta, weights=weight)), float(weight.sum())
     sd = float(np.sqrt(((weight * (theta - mean)) ** 2).sum())) / total
-    return mean, float(np.hypot(t_quantile(len(theta) - 1.0, 1 - START_CHANCE) * sd, SURE_ROWS * _row_s(levels)))
+    return mean, float(np.hypot(t_quantile(len(theta) - 1.0, 1 - START_CHANCE) * sd, SURE_ROWS * usual_row_s(levels)))
 
 
-def _row_s(levels: Sequence[Level]) -> float:
+def usual_row_s(levels: Sequence[Level]) -> float:
     """The usual time between two rows [s]."""
     return median(np.array([usual_step(level.time_s) for level in levels]))
 
 
-def begin_off_rest(levels: Sequence[Level]) -> bool:
+def risen_when_noted(levels: Sequence[Level]) -> bool:
     """Whether the outputs of most runs have risen by a good part when their input is noted."""
     off = [float(run[0]) > RISE_PART[0] * float(run.max()) for level in levels for run in level.runs]
     return 2 * sum(off) > len(off)
@@ -159,7 +159,7 @@ def find_by_rises(stepset: StepSet) -> Begin:
 def _judge_starts(found: Array, levels: Sequence[Level]) -> Begin:
     """The mean of rows of dead time, weight and time constant, (n, 3); 0 where scatter or the rows explain it."""
     theta, weight, tau = found.T
-    (mean, reach), row_s = _mean(theta, weight, levels), _row_s(levels)
+    (mean, reach), row_s = _mean(theta, weight, levels), usual_row_s(levels)
     if abs(mean) < max(START_ROWS * row_s, LEAST_PART * median(tau), reach):
         return Begin()
     if mean > 0:
@@ -169,17 +169,17 @@ def _judge_starts(found: Array, levels: Sequence[Level]) -> Begin:
     return Begin(mean, findings=(late,))
 
 
-class Law(NamedTuple):
+class DelayedLaw(NamedTuple):
     """Two exponentials: with C held at a share, or free where no user holds it, for a wrong C hides a dead time."""
 
     shape: str
     share: float
 
 
-ONE = Law("one", 1.0)
+ONE = DelayedLaw("one", 1.0)
 
 
-def are_late(levels: Sequence[Level], law: Law) -> bool:
+def are_late(levels: Sequence[Level], law: DelayedLaw) -> bool:
     """Whether levels' mean curves ask for a dead time: the larger half of them, and the others where those leave it
     open."""
     order = sorted(levels, key=lambda level: -float(np.abs(level.mean).max()))
@@ -190,7 +190,7 @@ def are_late(levels: Sequence[Level], law: Law) -> bool:
     return found > LATE_EVIDENCE
 
 
-def evidence(level: Level, law: Law) -> float:
+def evidence(level: Level, law: DelayedLaw) -> float:
     """By how much the logarithm of the likelihood of a level's mean curve grows with a dead time, twice."""
     points = average_record(level.time_s, level.mean)
     plain, late = (_fit_curves(points, delays, law) for delays in ([0.0], delays_tried(points)))
@@ -199,7 +199,7 @@ def evidence(level: Level, law: Law) -> float:
     return independent_samples(level.mean - step_curve(late[0], level.time_s)) * float(np.log(plain[1] / late[1]))
 
 
-def _fit_curves(points: AveragedRecord, delays: Sequence[float], law: Law) -> tuple[Array, float] | None:
+def _fit_curves(points: AveragedRecord, delays: Sequence[float], law: DelayedLaw) -> tuple[Array, float] | None:
     """Two exponentials from the best of some dead times, and what they leave; None: no place on the grid."""
     starts = starts_of(points, float(points.time_s[-1]), delays, law.share, (law.shape,))[law.shape]
     if not starts:
@@ -209,7 +209,7 @@ def _fit_curves(points: AveragedRecord, delays: Sequence[float], law: Law) -> tu
     return p, left + points.within
 
 
-def find_by_cost(levels: Sequence[Level], law: Law, white: bool = True) -> Begin | None:
+def find_by_cost(levels: Sequence[Level], law: DelayedLaw, white: bool = True) -> Begin | None:
     """The dead time behind which a law leaves least of the levels' mean curves, or one exponential that leaves no more;
     None where they leave more than `white` noise, if that is asked for: a rise that began before its input has lost its
     begin, and the whole curve tells more whatever its noise is."""
@@ -302,7 +302,7 @@ def starts_late(step: LevelStep, share: float) -> bool:
     return less < (1 - SAVED) ** 2 * plain
 
 
-def explains_as_well(step: LevelStep, theta_s: float, options: FitOptions) -> bool:
+def begins_late(step: LevelStep, theta_s: float, options: FitOptions) -> bool:
     """Whether a shape from a dead time on leaves no more of a step, in the mean, than from its own start."""
     plain, kept = replace(options, dead_time=0.0), step.time_s >= theta_s
     later = replace(step, time_s=step.time_s[kept] - theta_s, output=step.output[kept])
@@ -322,7 +322,7 @@ def cut_behind(stepset: StepSet, dead_time_s: float) -> StepSet:
     if dead_time_s == 0:
         return stepset
     parts = ((_cut_later(one, dead_time_s) for one in part) for part in (stepset.levels, stepset.releases))
-    levels, releases = (tuple(one for one in part if len(one.time_s) >= LEAST_ROWS) for part in parts)
+    levels, releases = (tuple(one for one in part if len(one.time_s) >= LEAST_ROWS_BEHIND) for part in parts)
     return replace(stepset, levels=levels, releases=releases)
 
 

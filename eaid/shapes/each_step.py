@@ -10,7 +10,7 @@ import numpy as np
 from eaid.options import FitOptions
 from eaid.plant.steps import decay, rise
 from eaid.results.models import FrictionLevel, LevelIntervals, StepShape
-from eaid.shapes.intervals import WIDEST_FACTOR, Tail, add_intervals, mean_before
+from eaid.shapes.intervals import WIDEST_FACTOR, TailTerms, add_intervals, mean_before
 from eaid.shapes.shape import fit_step
 from eaid.steps.stepset import StepSet
 
@@ -31,7 +31,7 @@ def fit_single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, 
         return ()
     found: dict[int, StepShape] = {}
     before: int = -1
-    tail: Tail = ()
+    tail: TailTerms = ()
     for k in sorted(range(len(steps)), key=lambda k: (steps[k].source, steps[k].at_s)):
         step, last = steps[k], steps[before]
         lasted, until = step.at_s - last.at_s, float(last.time_s[-1]) * (1 + 2 / len(last.time_s))
@@ -49,7 +49,7 @@ def fit_single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, 
     return tuple(found[k] for k in range(len(steps)))
 
 
-def tail_of(shape: StepShape, before: Tail, lasted_s: float) -> Tail:
+def tail_of(shape: StepShape, before: TailTerms, lasted_s: float) -> TailTerms:
     """What a fitted step, and the tail before it, have left to go after a hold."""
     left = [(part, float(decay(np.array(lasted_s), part[1]))) for part in before]
     parts = [(size * of, tau, half * of) for (size, tau, half), of in left]

@@ -21,7 +21,7 @@ from eaid.shapes.shape import independent_samples
 from eaid.steps.stepset import LevelStep
 
 # What the steps before a step have left to go, Σ a e^(−t/τ): a, τ, and the half-width of the 95 % interval of a
-Tail: TypeAlias = tuple[tuple[float, float, float], ...]
+TailTerms: TypeAlias = tuple[tuple[float, float, float], ...]
 
 
 def mean_before(rest_s: float, tau: float) -> float:
@@ -38,7 +38,7 @@ NEARLY_TWO = 4.0  # Difference of AICc from which two exponentials are nearly ch
 WIDEST_FACTOR = 3.0  # Factor by which an interval of a time constant may reach to either side before it says nothing
 
 
-def add_intervals(step: LevelStep, shape: StepShape, options: FitOptions, tail: Tail = ()) -> StepShape:
+def add_intervals(step: LevelStep, shape: StepShape, options: FitOptions, tail: TailTerms = ()) -> StepShape:
     """One fitted step with its intervals, and a finding where some say nothing; `tail` was taken from its output."""
     if options.ci == "none":
         return shape
@@ -74,7 +74,7 @@ def add_intervals(step: LevelStep, shape: StepShape, options: FitOptions, tail: 
     return msgspec.structs.replace(shape, ci95=StepIntervals(**ends), findings=(*shape.findings, *said))
 
 
-def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, tail: Tail) -> Array:
+def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, tail: TailTerms) -> Array:
     """Half widths of the 95 % intervals of the free parameters, time constants in logarithms."""
     tau2 = shape.tau2 or shape.tau1
     p = np.array([shape.change, math.log(shape.tau1), math.log(tau2 / shape.tau1), shape.C, shape.dead_time_s])

@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.errors import UsageError
-from eaid.steps.noise import block_means, block_noise, line, sample_noise, spikes
+from eaid.steps.noise import block_means, block_noise, fit_line, sample_noise, spikes
 from eaid.steps.plateaus import FEWEST_HELD
 
 STEADY = 0.01  # Share of a step's change by which the last quarter of a rest may differ from the whole of it
@@ -84,7 +84,7 @@ def last_rest(hold: Array, change: float) -> Rest:
             return _from(hold, part, change, left_out)
         lead *= 2
     tail = hold[-max(FEWEST_HELD, count // 8) :]
-    start = float(tail.mean() + line(np.arange(len(tail)), tail).slope * (len(tail) / 2))
+    start = float(tail.mean() + fit_line(np.arange(len(tail)), tail).slope * (len(tail) / 2))
     return Rest(start, start, False, 0, left_out)
 
 
@@ -144,4 +144,4 @@ def first_samples(active: Array) -> float:
     few = min(max(1, len(active) // 100), math.ceil((noise / (0.005 * change)) ** 2)) if change > 0 else 1
     if few < 4:
         return float(active[: max(1, few)].mean())
-    return float(active[:few].mean() - line(np.arange(few), active[:few]).slope * (few - 1) / 2)
+    return float(active[:few].mean() - fit_line(np.arange(few), active[:few]).slope * (few - 1) / 2)

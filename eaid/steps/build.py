@@ -8,6 +8,7 @@ from eaid.apparatus import rig_of
 from eaid.arrays import median
 from eaid.errors import DataError
 from eaid.findings import Finding, finding, stops
+from eaid.logs.read import PLAIN
 from eaid.logs.run import Run
 from eaid.options import ExperimentKind, ReadOptions, typed
 from eaid.steps.checks import CHECKS, OF_RESTS, broken_off, coarse, creeping, disagreements, idle_slope
@@ -15,11 +16,10 @@ from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
 from eaid.steps.sittings import sittings
-from eaid.steps.step import Step, hold_of, left_pct, slip_of
+from eaid.steps.step import Cut, hold_of, left_pct, slip_of
 from eaid.steps.stepset import Level, RunRecord, StepSet
 
 SMALL_STEP = 0.2  # Share of the usual change below which a sign of its own is not held against a step
-PLAIN = ReadOptions()
 
 
 def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
@@ -30,7 +30,7 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
         rising = [r for r in runs if r.edge == "rising" and r.from_level == 0 and ((r.level or 0.0) < 0) is negative]
         clear = []  # those whose mean stands out of the noise
         for run in rising:
-            change = float((rise := Step(run).rise).mean())
+            change = float((rise := Cut(run).rise).mean())
             if abs(change) > STANDARD_ERRORS * block_error(rise) / np.sqrt(20):
                 clear.append((run, change))
         if not clear:
@@ -49,11 +49,11 @@ def signs_of(runs: Sequence[Run]) -> tuple[dict[str, float], list[Finding]]:
     signs = {run.name: turned[(run.level or 0.0) < 0] for run in runs}
     for run in runs:
         if run.from_level != 0.0:
-            signs[run.name] = -1.0 if float(Step(run).rise.mean()) < 0 else 1.0
+            signs[run.name] = -1.0 if float(Cut(run).rise.mean()) < 0 else 1.0
     return signs, findings
 
 
-def _record(step: Step, findings: tuple[Finding, ...], left_out: bool) -> RunRecord:
+def _record(step: Cut, findings: tuple[Finding, ...], left_out: bool) -> RunRecord:
     run = step.run
     from_rest = run.edge == "rising" and run.from_level == 0
     return RunRecord(
@@ -103,7 +103,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
         runs = [run for run in runs if _among(abs(run.level or 0.0), wanted)]
 
     signs, of_signs = signs_of(runs)
-    steps = {run.name: Step(run, signs[run.name]) for run in runs}
+    steps = {run.name: Cut(run, signs[run.name]) for run in runs}
     of_runs = {
         name: [
             *step.run.findings, *_of_subject(of_signs, name),
@@ -151,7 +151,7 @@ def _stopped(runs: Sequence[Run], findings: Mapping[str, Sequence[Finding]]) -> 
     return set() if out.issuperset(rises) else out
 
 
-def _averaged(groups: Sequence[tuple[float, Sequence[Run]]], steps: Mapping[str, Step], out: set[str]) -> list[Level]:
+def _averaged(groups: Sequence[tuple[float, Sequence[Run]]], steps: Mapping[str, Cut], out: set[str]) -> list[Level]:
     """The repeats of each level as one, but for runs that are left out."""
     sound = [[steps[run.name] for run in members if run.name not in out] for _, members in groups]
     return [common(members) for members in sound if members]

@@ -21,8 +21,8 @@ from eaid.steps.noise import (
     block_error,
     block_means,
     block_noise,
+    fit_line,
     glitch,
-    line,
     medians_of_five,
     resolution,
     sample_noise,
@@ -31,7 +31,7 @@ from eaid.steps.noise import (
 )
 from eaid.steps.plateaus import BACK, FEWEST_HELD, GLITCH, tolerance, turns
 from eaid.steps.repeats import copied_block
-from eaid.steps.step import GAP_ROWS, Step, left_pct, usual_step
+from eaid.steps.step import GAP_ROWS, Cut, left_pct, usual_step
 from eaid.steps.stepset import Level
 
 SETTLING_ROWS = 20  # Rows before one value, and after it, that tell whether an output came to rest there
@@ -56,11 +56,11 @@ TURN_BLOCKS = 400  # An output is averaged to so many blocks, and followed from 
 QUICK = 0.2  # Share of the record that an edge behind the first may take: what comes back slower is drift
 MOVES = 0.15  # Share of the range that an edge moves within a fiftieth of the record
 RESTS = 0.03  # Share of the range within which a stretch of a twentieth of the record rests
-CLEAR = 14.0  # Standard errors of a block mean that the range has to exceed: a turn is then half of them
+CLEAR_TURN = 14.0  # Standard errors of a block mean that the range has to exceed: a turn is then half of them
 RENEWED_SHARE = 0.8  # Share of the changes of an output that come equally often, from which a sensor renews it so
 
 
-def saturated(step: Step) -> Finding | None:
+def saturated(step: Cut) -> Finding | None:
     """A limit at which the output stands after coming to it at full slope: exactly, or within its noise."""
     output = step.run.output
     moves = np.abs(np.diff(output))
@@ -86,7 +86,7 @@ def saturated(step: Step) -> Finding | None:
     return finding("flat-topped", step.run.name, step.levels, limit=top, unit=step.unit)
 
 
-def _flat_top(step: Step) -> float | None:
+def _flat_top(step: Cut) -> float | None:
     """The output at which a rise stops at full slope and stays, within its noise; None of one that settles."""
     rise = step.rise
     if len(rise) < 200 or not step.swing > 0 or step.swing < COARSE_STEPS * resolution(rise):
@@ -107,7 +107,7 @@ def swings_over(rise: Array, top: float) -> bool:
     return bool(means.max() > (1 + OVER_TOP) * top + 4 * block_noise(means))
 
 
-def sharpness(step: Step, ceiling: float) -> float:
+def sharpness(step: Cut, ceiling: float) -> float:
     """Slope of a rise within 5 % of a ceiling, times the time it took, over the ceiling, less three of its errors.
 
     An exponential has 0.15 to 0.2 there, a straight rise that is cut off 0.95; 0 of one of a few samples.
@@ -126,10 +126,10 @@ def sharpness(step: Step, ceiling: float) -> float:
     noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
     error = noise * at / ceiling / np.sqrt(few * (few + 1) * (few + 2) / 12)
     times, near_top = block_means(step.time_s[:count], SMOOTH_BLOCKS), slice(at - few, at + 1)
-    return line(times[near_top], means[near_top]).slope * float(times[at]) / ceiling - 3 * float(error)
+    return fit_line(times[near_top], means[near_top]).slope * float(times[at]) / ceiling - 3 * float(error)
 
 
-def stuck(step: Step) -> Finding | None:
+def stuck(step: Cut) -> Finding | None:
     """One value for longer than chance allows, where the samples around it differ from their neighbours; before the
     input first moves a coarse sensor may stand still."""
     output, rest = step.run.output, int((step.run.input != step.run.input[0]).argmax()) if step.run.has_input else 0
@@ -163,7 +163,7 @@ def came_to_rest(moves: NDArray[np.float64], first: int, stop: int) -> bool:
     return len(after) < 2 or bool(after[0] <= max(2.01 * before.min(), 3 * after[1:].max()))
 
 
-def coarse(steps: Sequence[Step]) -> list[Finding]:
+def coarse(steps: Sequence[Cut]) -> list[Finding]:
     """Rises whose output moves in steps too coarse for its change, where noise does not dither them: a quarter of them
     hold so still as one does that holds amid a step."""
     known = [(step, resolution(step.rise)) for step in steps if len(step.rise) >= 2 * BLOCKS]
@@ -177,7 +177,7 @@ def coarse(steps: Sequence[Step]) -> list[Finding]:
     ]
 
 
-def far_out(step: Step) -> NDArray[np.intp]:
+def far_out(step: Cut) -> NDArray[np.intp]:
     """The single samples, or two, that stand far out of the rise, by their place in it."""
     outliers = spikes(step.rise, step.swing)
     if step.run.edge == "rising":  # the first rows of a quick fall stand out of what is left
@@ -185,7 +185,7 @@ def far_out(step: Step) -> NDArray[np.intp]:
     return outliers
 
 
-def bridged(step: Step) -> Run:
+def bridged(step: Cut) -> Run:
     """Its run with a straight line over the samples that stand far out, where they are 1 % of it at the most.
 
     No row is taken out: the first behind a step would take its instant away.
@@ -204,7 +204,7 @@ def bridged(step: Step) -> Run:
     return replace(run, output=output, findings=(*run.findings, told))
 
 
-def isolated_spikes(step: Step) -> Finding | None:
+def isolated_spikes(step: Cut) -> Finding | None:
     """Rows that stand far out of a step, and stop its fit."""
     outliers = far_out(step)
     if not len(outliers):
@@ -216,7 +216,7 @@ def isolated_spikes(step: Step) -> Finding | None:
     )  # fmt: skip
 
 
-def copied(step: Step) -> Finding | None:
+def copied(step: Cut) -> Finding | None:
     """A block of rows that stands in the record twice."""
     block, time = copied_block(step.run.output), step.run.time_s
     if block is None:
@@ -225,12 +225,12 @@ def copied(step: Step) -> Finding | None:
     return finding("block-written-twice", step.run.name, rows=block.rows, at_s=at, again_s=again)
 
 
-def _negative(step: Step) -> Finding | None:
+def _negative(step: Cut) -> Finding | None:
     negative = (step.run.level or 0.0) < 0 and step.run.position is None
     return finding("input-negative", step.run.name) if negative else None
 
 
-def _contradiction(step: Step) -> Finding | None:
+def _contradiction(step: Cut) -> Finding | None:
     """A stored or named level that is another than the input column's own."""
     run = step.run
     if run.level is None or not run.has_input or np.isnan(run.input[step.start :]).any():
@@ -241,7 +241,7 @@ def _contradiction(step: Step) -> Finding | None:
     return finding("level-contradicts-input", run.name, said=run.level, held=held, unit=run.input_unit)
 
 
-def _gap(step: Step) -> Finding | None:
+def _gap(step: Cut) -> Finding | None:
     every = np.diff(step.run.time_s)
     at = int(every.argmax()) if len(every) else 0
     if not len(every) or every[at] <= GAP_ROWS * step.usual_s:
@@ -252,7 +252,7 @@ def _gap(step: Step) -> Finding | None:
     return finding("gap", step.run.name, (), **values)
 
 
-def _gap_at_step(step: Step) -> Finding | None:
+def _gap_at_step(step: Cut) -> Finding | None:
     """A gap that the step falls into, and behind which the output has moved already: its instant is not known."""
     if not 0 < step.start < len(step.run.time_s) or not step.swing > 0:
         return None
@@ -264,7 +264,7 @@ def _gap_at_step(step: Step) -> Finding | None:
     return finding("step-in-gap", step.run.name, gap_s=gap, at_s=at, moved_pct=100 * first / step.swing)
 
 
-def ramp(step: Step) -> Finding | None:
+def ramp(step: Cut) -> Finding | None:
     """An input that is on its way to the new level while the output moves already."""
     run, name = step.run, step.run.name
     if not step.start or not run.has_input or not step.swing > 0:
@@ -280,7 +280,7 @@ def ramp(step: Step) -> Finding | None:
     return finding(code, name, step.levels, ramp_s=ramp_s, moved_pct=100 * moved)
 
 
-def _glitch(step: Step) -> Finding | None:
+def _glitch(step: Cut) -> Finding | None:
     """Rows, at most two in a row, on which the input leaves its level and comes back: no step."""
     run, level = step.run, step.run.from_level if step.run.edge == "falling" else step.run.level or 0.0
     if not run.has_input:
@@ -294,25 +294,25 @@ def _glitch(step: Step) -> Finding | None:
     return finding("input-glitches", run.name, rows=int((stops - starts)[short].sum()), at_s=at_s)
 
 
-def _drift(step: Step) -> Finding | None:
+def _drift(step: Cut) -> Finding | None:
     if len(step.idle) < FEW_SAMPLES_CHECKED:
         return None
     means = block_means(without_spikes(step.idle, step.swing)[0])
-    slope, error, _ = line(np.arange(len(means)) / len(means), means)
+    slope, error, _ = fit_line(np.arange(len(means)) / len(means), means)
     if abs(slope) <= max(0.02 * step.swing, STANDARD_ERRORS * error):
         return None
     share = 100 * abs(slope) / step.swing if step.swing > 0 else None
     return finding("idle-drifts", step.run.name, drift=slope, unit=step.unit, share_pct=share)
 
 
-def idle_slope(step: Step) -> float | None:
+def idle_slope(step: Cut) -> float | None:
     """How fast the output creeps before a step, with the sign of the rise; None where too few samples tell."""
     if len(step.idle) < FEW_SAMPLES_CHECKED:
         return None
-    return step.sign * line(step.run.time_s[: step.start], step.idle).slope
+    return step.sign * fit_line(step.run.time_s[: step.start], step.idle).slope
 
 
-def creeping(steps: Sequence[Step]) -> list[Finding]:
+def creeping(steps: Sequence[Cut]) -> list[Finding]:
     """Whether the outputs of rises creep alike while they idle, which the noise of each by itself may hide: the mean of
     the slopes by its standard error, from how they scatter, where a hold makes much of it."""
     found = [(step, slope) for step in steps if (slope := idle_slope(step)) is not None and step.swing > 0]
@@ -330,7 +330,7 @@ def creeping(steps: Sequence[Step]) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _not_idle(step: Step) -> Finding | None:
+def _not_idle(step: Cut) -> Finding | None:
     """A start that left its rest before the step: off by more than the noise allows (`baseline.left_early`)."""
     before = step.before
     if before is None or step.run.from_level != 0 or not step.swing > 0:
@@ -350,7 +350,7 @@ def _not_idle(step: Step) -> Finding | None:
     )  # fmt: skip
 
 
-def _left_after_release(step: Step) -> Finding | None:
+def _left_after_release(step: Cut) -> Finding | None:
     left = left_pct(step)
     if step.run.from_level != 0 or len(step.rise) < FEW_SAMPLES_CHECKED or left <= 5:
         return None
@@ -378,8 +378,8 @@ def several_edges(
     # neighbours three apart: hum and rotor ripple last for longer than a block
     noise = max(sample_noise(output) / np.sqrt(until / len(means)), block_noise(means), block_noise(means[::3]))
     at_s: list[float] = []
-    for start, stop in itertools.pairwise(turns(means, BACK * span) if span > CLEAR * noise else []):
-        for a, b in _parts(means, start, stop + 1, span):
+    for start, stop in itertools.pairwise(turns(means, BACK * span) if span > CLEAR_TURN * noise else []):
+        for a, b in _pieces_of_leg(means, start, stop + 1, span):
             change = means[b - 1] - means[a]
             if abs(change) < MOVES * span:
                 continue
@@ -392,7 +392,7 @@ def several_edges(
     return finding("several-edges", name, edges=len(at_s), first_s=at_s[0], last_s=at_s[-1], has_input=has_input)
 
 
-def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, int]]:
+def _pieces_of_leg(means: Array, start: int, stop: int, span: float) -> list[tuple[int, int]]:
     """A leg between two turns as pieces with one edge each: those between moves with a rest in between."""
     lag, still = max(1, len(means) // 50), max(2, len(means) // 20)
     if stop - start < 2 * still + lag:
@@ -411,7 +411,7 @@ def _parts(means: Array, start: int, stop: int, span: float) -> list[tuple[int, 
     return list(itertools.pairwise([*cuts, stop]))
 
 
-def _several_edges(step: Step) -> Finding | None:
+def _several_edges(step: Cut) -> Finding | None:
     """More edges than the one that the input, or the file name, tells of."""
     if step.run.position is not None:
         return None
@@ -422,7 +422,7 @@ def _several_edges(step: Step) -> Finding | None:
 
 
 # The checks of one run, by its edge: each gives a finding or nothing
-CHECKS: dict[str, tuple[Callable[[Step], Finding | None], ...]] = {
+CHECKS: dict[str, tuple[Callable[[Cut], Finding | None], ...]] = {
     "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, ramp, _drift, _not_idle, saturated, stuck,
                copied, isolated_spikes, _several_edges),
     "falling": (_negative, _glitch, _gap, _gap_at_step, ramp, saturated, stuck, copied, isolated_spikes,
@@ -430,7 +430,7 @@ CHECKS: dict[str, tuple[Callable[[Step], Finding | None], ...]] = {
 }  # fmt: skip
 
 
-class Record(Step):
+class RecordedWindow(Cut):
     """A log that is fitted as it was recorded, taken as one window from its first sample on."""
 
     @cached_property
@@ -440,7 +440,7 @@ class Record(Step):
         return float(high - low)
 
 
-def renewed(step: Step) -> Finding | None:
+def renewed(step: Cut) -> Finding | None:
     """An output that stays to the last digit for the same few rows each time: its sensor is slower than the log."""
     apart = np.diff(np.flatnonzero(np.diff(step.run.output)))
     if len(apart) < FEW_SAMPLES_CHECKED:
@@ -453,10 +453,10 @@ def renewed(step: Step) -> Finding | None:
 
 def of_record(run: Run) -> list[Finding]:
     """What is wrong in a log that is fitted as it was recorded."""
-    return [*filter(None, (check(Record(run)) for check in (_gap, stuck, renewed, copied, isolated_spikes)))]
+    return [*filter(None, (check(RecordedWindow(run)) for check in (_gap, stuck, renewed, copied, isolated_spikes)))]
 
 
-def broken_off(steps: Sequence[Step]) -> list[Finding]:
+def broken_off(steps: Sequence[Cut]) -> list[Finding]:
     """One for each repeat of a level that ends long before most of them do: all would be cut to its window."""
     ends = [float(step.time_s[-1]) for step in steps]
     usual = sorted(ends)[len(ends) // 2]

@@ -35,7 +35,7 @@ from eaid.steps.plateaus import (
     turns,
     zero_of,
 )
-from eaid.steps.step import Step, sample_at
+from eaid.steps.step import Cut, sample_at
 from eaid.steps.stepset import LevelStep
 
 UNSETTLED = 0.05  # Share of a step's change by which the output may still move before a step from level to level
@@ -141,7 +141,7 @@ def cut_at(run: Run, at_s: float) -> list[Run]:
         step = replace(run, level=level, baseline=baseline, findings=(*run.findings, *warning))
     steps = [step.part(slice(until), step_s=float(run.time_s[start]), until_s=None, cut=True)]
     left = float(median(run.input[until:])) if known and until < len(run.time_s) else 0.0
-    falls = abs(left) < abs(level) if known else run.until_s is not None and _falls(run, now)
+    falls = abs(left) < abs(level) if known else run.until_s is not None and _comes_back(run, now)
     if len(run.time_s) - until >= FEWEST_HELD and step.edge == "rising" and falls:
         release = replace(run, level=level, edge="falling", findings=(), baseline=step.baseline)
         steps.append(
@@ -187,7 +187,7 @@ def _window(run: Run, step: float) -> tuple[int, float]:
     return until, level
 
 
-def _falls(run: Run, now: Plateau) -> bool:
+def _comes_back(run: Run, now: Plateau) -> bool:
     """Whether the output comes back, by a hundredth of its rise or more, behind a window that only the user ended."""
     idle = median(run.output[: now.start]) if now.start else 0.0
     rise = end_of(run.output, now) - idle
@@ -386,7 +386,7 @@ def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list
             note = finding("short-pieces", good[0].name, pieces=len(short), fewest=FEWEST_HELD)
             good[0] = replace(good[0], findings=(*good[0].findings, note))
         steps += good
-    return _counted(steps), faults
+    return _number_repeats(steps), faults
 
 
 def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep, ...]:
@@ -397,10 +397,10 @@ def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep,
 
 def _samples(run: Run) -> int:
     """Samples in the active window of a cut run: from its step to its end."""
-    return len(run.time_s) - Step(run).start
+    return len(run.time_s) - Cut(run).start
 
 
-def _counted(steps: list[Run]) -> list[Run]:
+def _number_repeats(steps: list[Run]) -> list[Run]:
     """Every step with a repeat number of its own level and edge, in the order given."""
     used: defaultdict[tuple[str, float, float], set[int]] = defaultdict(set)
     counted = []
@@ -418,7 +418,7 @@ def level_steps(runs: Sequence[Run], findings: Mapping[str, Sequence[Finding]]) 
     """The changes of input of cut runs, with the findings of each name: upwards first, by the level they go to."""
     steps = []
     for run in (run for run in runs if _samples(run)):
-        step, ends = Step(run), (run.from_level, run.level or 0.0)
+        step, ends = Cut(run), (run.from_level, run.level or 0.0)
         before, after = ends[::-1] if run.edge == "falling" else ends
         held = run.held if run.edge == "falling" and run.from_level == 0.0 else None
         start = (run.baseline or 0.0) if held is None else held

@@ -12,7 +12,7 @@ from eaid.arrays import read_only
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.steps.noise import sample_noise
-from eaid.steps.step import Step, uniform_step, usual_step
+from eaid.steps.step import Cut, uniform_step, usual_step
 from eaid.steps.stepset import Level
 
 COMMANDS_CLOSE = 1e-3  # Share within which commanded inputs are one level: rounding of what was written
@@ -30,7 +30,7 @@ def grouped(runs: Sequence[Run]) -> list[tuple[float, list[Run]]]:
     """Steps by level, rising: the first input of each level and its runs, in the order given."""
     groups: list[tuple[float, float, list[Run]]] = []
     for run in sorted(runs, key=lambda one: abs(one.level or 0.0)):
-        level, hold = abs(run.level or 0.0), run.input[Step(run).start :]
+        level, hold = abs(run.level or 0.0), run.input[Cut(run).start :]
         noise = sample_noise(hold) if len(hold) and not np.isnan(hold[0]) else 0.0  # of one that is commanded: 0
         if groups and same_level(groups[-1][0], level, max(noise, groups[-1][1])):
             groups[-1][2].append(run)
@@ -63,7 +63,7 @@ def wanted_levels(text: str, levels: Sequence[float], option: str = "levels") ->
     return sorted(chosen)
 
 
-def common(members: Sequence[Step]) -> Level:
+def common(members: Sequence[Cut]) -> Level:
     """The repeats of one level, on their common window, the shortest; its level is their mean where inputs differ."""
     inputs = [member.levels[0] for member in members]
     level = inputs[0] if len(set(inputs)) == 1 else float(np.mean(inputs))

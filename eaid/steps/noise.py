@@ -21,7 +21,7 @@ IDLE_BLOCK_S = 0.25
 IDLE_BLOCKS = 8  # Blocks of `IDLE_BLOCK_S` below which an idle record tells no density
 
 
-class Line(NamedTuple):
+class FittedLine(NamedTuple):
     """A straight line by least squares."""
 
     slope: float
@@ -29,12 +29,12 @@ class Line(NamedTuple):
     left: Array  # Residuals, shape (n,)
 
 
-def line(at: NDArray[Any], values: Array) -> Line:
+def fit_line(at: NDArray[Any], values: Array) -> FittedLine:
     """The straight line through values at some places, shapes (n,)."""
     x = at - at.mean()
     slope = float(x @ values / (x @ x))
     left = values - values.mean() - slope * x
-    return Line(slope, float(np.sqrt((left @ left) / max(1, len(left) - 2) / (x @ x))), left)
+    return FittedLine(slope, float(np.sqrt((left @ left) / max(1, len(left) - 2) / (x @ x))), left)
 
 
 def stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -75,13 +75,13 @@ def sample_noise(values: Array) -> float:
     return float(1.4826 * median(steps) / np.sqrt(2)) if len(steps) else 0.0
 
 
-LONGEST_PERIOD = 64  # Samples of the longest ripple that is told from noise
+LONGEST_RIPPLE = 64  # Samples of the longest ripple that is told from noise
 
 
 def noise_beside_ripple(values: Array) -> float:
     """Standard deviation of the noise of single samples beside a ripple that comes again: by the differences at the
     distance at which they are least, a slope taken off."""
-    apart = range(1, min(LONGEST_PERIOD, len(values) // 4) + 1)
+    apart = range(1, min(LONGEST_RIPPLE, len(values) // 4) + 1)
     steps = [values[k:] - values[:-k] for k in apart]
     return min((float(1.4826 * median(np.abs(one - median(one))) / np.sqrt(2)) for one in steps), default=0.0)
 
@@ -140,5 +140,5 @@ def idle_density(time_s: Array, idle: Array) -> float | None:
     means = (np.bincount(block, idle) / count)[full]
     if len(means) < IDLE_BLOCKS:
         return None
-    left = line(place[full], means).left
+    left = fit_line(place[full], means).left
     return float(IDLE_BLOCK_S * (left @ left) / (len(means) - 2))

@@ -20,7 +20,7 @@ from eaid.steps.plateaus import FEWEST_HELD
 PART = 0.6  # Of the change, up to which one exponential is the rise
 MEANS, TAUS = 200, np.geomspace(0.1, 20.0, 12)  # Of the grid; τ in parts of the time that the rise takes
 REST_PARTS = 4.0  # Rest that is kept before the rise, in parts of the time that the rise takes
-CLEAR = 8.0  # Standard deviations of the noise by which a change stands out
+CLEAR_CHANGE = 8.0  # Standard deviations of the noise by which a change stands out
 BEGINS_LATE = 20.0  # Gain of squares, in variances of the noise, from which a rest before the rise is no chance
 ERRORS = 3.0  # Of an instant, from which an output has left its rest before it
 FALLS = 4, 24  # An output is let go, at once or not, where it falls within so many of twice `MEANS` blocks …
@@ -45,7 +45,7 @@ def onset(time_s: Array, output: Array) -> Onset | None:
     first = median(means[:3])
     away = np.abs(means - first)
     change = float(np.quantile(away, 0.9))
-    if change <= CLEAR * sample_noise(output) / max(1.0, np.sqrt(len(output) / len(means)) / 2) or change == 0:
+    if change <= CLEAR_CHANGE * sample_noise(output) / max(1.0, np.sqrt(len(output) / len(means)) / 2) or change == 0:
         return None
     sign = 1.0 if float((means - first)[away >= PART * change].mean()) > 0 else -1.0
     risen, start, stop, best = sign * (output - first) / change, 0, len(output), (0.0, 0.0)

@@ -25,7 +25,7 @@ from eaid.steps.step import sample_at, usual_step
 
 KNOWN_WELL = 100  # Pairs whose number tells how it falls from row to row
 CHANCE = 1e-4  # A block that chance makes no more often is a copy
-FEWEST_ROWS = 5  # Of a block: whether fewer are noise or a curve cannot be told
+FEWEST_BLOCK_ROWS = 5  # Of a block: whether fewer are noise or a curve cannot be told
 MIXES = np.uint64(0x9E3779B97F4A7C15)  # An odd number without pattern (2⁶⁴ over the golden ratio)
 ROUGH = 0.25  # Share of its rows at which a block turns, at least: noise turns at half of them and more, curves at few
 NEIGHBOURS_COMPARED = 60  # Runs of a level that each is compared with: those next to it by their means
@@ -78,7 +78,7 @@ def copied_block(values: Array) -> Copy | None:
     steps = np.diff(values[at : at + rows])
     turns = np.count_nonzero(steps[1:] * steps[:-1] < 0)
     by_chance = pairs * (fall or (3 / pairs) ** (1 / width)) ** (rows - known)
-    copied = by_chance <= CHANCE and rows >= FEWEST_ROWS and turns >= ROUGH * rows
+    copied = by_chance <= CHANCE and rows >= FEWEST_BLOCK_ROWS and turns >= ROUGH * rows
     return Copy(at, rows, later) if copied else None
 
 
@@ -99,9 +99,9 @@ def _longer(kinds: NDArray[np.uint64], rows: int) -> NDArray[np.uint64]:
 
 def _comes_again(kinds: NDArray[np.uint64], moves: NDArray[np.intp]) -> bool:
     """Whether any stretch of `FEWEST_ROWS` that does not stand still comes twice, by the numbers of single rows."""
-    for _ in range(FEWEST_ROWS - 1):
+    for _ in range(FEWEST_BLOCK_ROWS - 1):
         kinds = _longer(kinds, 1)
-    moving = np.sort(kinds[moves[FEWEST_ROWS - 1 :] > moves[: 1 - FEWEST_ROWS]])
+    moving = np.sort(kinds[moves[FEWEST_BLOCK_ROWS - 1 :] > moves[: 1 - FEWEST_BLOCK_ROWS]])
     return bool((moving[1:] == moving[:-1]).any())
 
 
@@ -122,7 +122,7 @@ class _Output(NamedTuple):
         return max(self.rounding, COPIES_ALIKE * noise)
 
 
-def _output(run: Run) -> _Output:
+def _output_of(run: Run) -> _Output:
     at = 0 if run.step_s is None else sample_at(run, run.step_s)
     if run.step_s is None and len(run.input):
         at = int((np.abs(run.input - run.input[:1]) > 0.1 * np.ptp(run.input)).argmax())
@@ -144,7 +144,7 @@ def counted_once(runs: Sequence[Run]) -> list[Run]:
         groups.setdefault((run.edge, run.kind or "", run.input_unit, run.output_unit), []).append(run)
     for _, members in (level for group in groups.values() for level in grouped(group)):
         alone: list[_Output] = []
-        for one in sorted(map(_output, members), key=lambda one: float(one.values.mean())):
+        for one in sorted(map(_output_of, members), key=lambda one: float(one.values.mean())):
             for k, other in list(enumerate(alone))[-NEIGHBOURS_COMPARED:]:
                 same_log = (one.run.dataset, one.run.source) == (other.run.dataset, other.run.source)
                 if same_log or not _copied(one, other):

@@ -13,7 +13,7 @@ import numpy as np
 
 from eaid.arrays import Array, median, read_only
 from eaid.logs.run import Run
-from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, line
+from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, fit_line
 
 SAME_INSTANT = 2e-3  # Share of the sample time within which instants count as equal: the rounding of written times
 GAP_ROWS = 5.0  # Usual rows from which a stretch without any is a gap
@@ -44,7 +44,7 @@ def sample_at(run: Run, at_s: float) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class Cut:
     """A cut run from its step on: what the checks look at."""
 
     run: Run
@@ -129,7 +129,7 @@ def moving_means(runs: Array, width: int) -> Array:
     return np.asarray((sums[:, width:] - sums[:, :n]) / counts)
 
 
-def left_pct(step: Step) -> float:
+def left_pct(step: Cut) -> float:
     """Torque left at the end of a release [% of the held torque], by block means."""
     return 100.0 * float(block_means(step.rise)[-1]) / step.swing if step.swing > 0 else 0.0
 
@@ -148,7 +148,7 @@ class SlipTest:
     unit: str = ""  # Unit of the position
 
 
-def slip_of(step: Step) -> SlipTest | None:
+def slip_of(step: Cut) -> SlipTest | None:
     """The slip of a cut run that rises from rest; None where its peak does not stand out of what follows.
 
     Where the position is known each stroke slips, whether it peaks or not: its displacement says when.
@@ -172,7 +172,7 @@ def slip_of(step: Step) -> SlipTest | None:
     middle = at + width // 2
     low = int(np.argmax(smooth >= 0.2 * peak))
     high = max(int(np.argmax(smooth >= 0.8 * peak)), low + 1)
-    stiffness = line(time_s[low : high + 1], smooth[low : high + 1]).slope
+    stiffness = fit_line(time_s[low : high + 1], smooth[low : high + 1]).slope
     moved = over = None
     if position is not None:
         moved = abs(float(position[middle] - position[0]))

@@ -16,21 +16,21 @@ from eaid.arrays import Array
 from eaid.control.pi import PAPER_PI, PIGains
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.options import Excitation, Rig
+from eaid.options import InputOptions, RigExtras
 from eaid.plant.dynamics import plant_numbers
 from eaid.replay.controllers import Controller, feedback
-from eaid.replay.loop import Inputs, inputs_of, loop_of, rig_numbers
-from eaid.synth.logs import Columns, Disturbance, digits, mark, noise, played, refuse_too_many, run_of, scatter
-from eaid.synth.plants import Scatter, Specimen
+from eaid.replay.loop import Course, inputs_of, loop_of, rig_numbers
+from eaid.synth.logs import Disturbance, Traces, as_run, digits, mark, noise, refuse_too_many, render, scatter
+from eaid.synth.plants import Factors, Specimen
 
 PAPER_REFERENCE_NM = (0.6, 3.6)  # What a closed loop follows on the reference plant
 FREQUENCIES_HZ = (0.05, 5.0)  # Lowest and highest of a chirp, and of the tones upon a loop's reference
 
 Draw = np.random.Generator
-Span = tuple[float, float]  # The lowest and the highest
+LowHigh = tuple[float, float]  # The lowest and the highest
 
 
-def staircase(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
+def staircase(e: InputOptions, span: LowHigh, n: int, _draw: Draw) -> Array:
     """All levels up and down again until the log ends, each for the longest hold."""
     levels = np.linspace(*span, e.levels)
     steps = np.concatenate([levels, levels[-2:0:-1]])
@@ -38,7 +38,7 @@ def staircase(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
     return np.asarray(np.resize(np.repeat(steps, hold), n))
 
 
-def random_steps(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
+def random_steps(e: InputOptions, span: LowHigh, n: int, draw: Draw) -> Array:
     """Levels in random order, every one of them once before any comes again; holds log-uniform."""
     levels = np.linspace(*span, e.levels)
     value = np.zeros(n)
@@ -57,7 +57,7 @@ def random_steps(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
     return value
 
 
-def chirp(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
+def chirp(e: InputOptions, span: LowHigh, n: int, _draw: Draw) -> Array:
     """A sine whose frequency rises geometrically."""
     t = np.arange(n) / e.rate_hz
     first, last = FREQUENCIES_HZ
@@ -67,19 +67,19 @@ def chirp(e: Excitation, span: Span, n: int, _draw: Draw) -> Array:
 
 
 # Name → (excitation, lowest and highest input, samples, generator) → input of each sample
-SEQUENCES: dict[str, Callable[[Excitation, Span, int, Draw], Array]] = {
+SEQUENCES: dict[str, Callable[[InputOptions, LowHigh, int, Draw], Array]] = {
     "staircase": staircase, "random": random_steps, "chirp": chirp,
 }  # fmt: skip
 
 
-def loop_reference(e: Excitation, span: Span, n: int, draw: Draw) -> Array:
+def loop_reference(e: InputOptions, span: LowHigh, n: int, draw: Draw) -> Array:
     """Outputs in random order with holds as those of random steps, each with small tones upon it."""
     t = np.arange(n) / e.rate_hz
     tones = sum(np.sin(2 * np.pi * f * t + 1.7 * k * k) for k, f in enumerate(np.geomspace(*FREQUENCIES_HZ, 5)))
     return np.asarray(np.clip(random_steps(e, span, n, draw) + 0.02 * (span[1] - span[0]) * tones, *span))
 
 
-def check_excitation(plant: Specimen, e: Excitation) -> None:
+def check_excitation(plant: Specimen, e: InputOptions) -> None:
     """Refuse what cannot be recorded."""
     faults = []
     if plant.model is None:
@@ -96,7 +96,7 @@ def check_excitation(plant: Specimen, e: Excitation) -> None:
 
 
 def synthesise_excitation(
-    plant: Specimen, e: Excitation, disturbance: Disturbance, seed: int, repeats: int = 1
+    plant: Specimen, e: InputOptions, disturbance: Disturbance, seed: int, repeats: int = 1
 ) -> list[Run]:
     """Logs of that input."""
     check_excitation(plant, e)
@@ -110,14 +110,14 @@ def synthesise_excitation(
             columns, reference = looped(plant, e, factors, (time_s, idle), disturbance, draw)
         else:
             moved = SEQUENCES[e.kind](e, e.duty or plant.input_range, len(time_s) - len(idle), draw)
-            columns = played(plant, factors, (time_s, np.append(idle, moved)), time_s, disturbance, draw)
-        runs.append(run_of(plant, columns, e.kind, repeat, mark(plant, disturbance, seed), reference))
+            columns = render(plant, factors, (time_s, np.append(idle, moved)), time_s, disturbance, draw)
+        runs.append(as_run(plant, columns, e.kind, repeat, mark(plant, disturbance, seed), reference))
     return runs
 
 
 def looped(
-    plant: Specimen, e: Excitation, factors: Scatter, times: tuple[Array, Array], disturbance: Disturbance, draw: Draw
-) -> tuple[Columns, Array]:
+    plant: Specimen, e: InputOptions, factors: Factors, times: tuple[Array, Array], disturbance: Disturbance, draw: Draw
+) -> tuple[Traces, Array]:
     """One log of a loop, and its reference: steps and tones; its PI reads what is logged, above its offset."""
     assert plant.model is not None  # check_excitation
     time_s, idle = times
@@ -126,10 +126,10 @@ def looped(
     reference = loop_reference(e, (low * plant.scale, high * plant.scale), len(time_s) - n, draw)
     share, white = noise(time_s, plant.rotor_hz(np.zeros_like(time_s)), disturbance, draw)
     law, dt_s = paper_pi(plant), 1 / e.rate_hz
-    inputs = inputs_of(law, reference, Rig(), dt_s, 0)._replace(disturbance=white[n:], factor=1.0 + share[n:])
+    inputs = inputs_of(law, reference, RigExtras(), dt_s, 0)._replace(disturbance=white[n:], factor=1.0 + share[n:])
     _, read, value, _ = columns = [[0.0] * len(reference) for _ in range(4)]
-    numbers = plant_numbers(factors.on(plant.model)), rig_numbers(Rig(), dt_s)
-    loop_of(law.step)(law.gains, law.start(dt_s), *numbers, dt_s, Inputs(*(one.tolist() for one in inputs)), columns)
+    numbers = plant_numbers(factors.on(plant.model)), rig_numbers(RigExtras(), dt_s)
+    loop_of(law.step)(law.gains, law.start(dt_s), *numbers, dt_s, Course(*(one.tolist() for one in inputs)), columns)
     output = digits(np.append(white[:n], read) + disturbance.offset_nm, disturbance)
     return (time_s, np.append(idle, value), output), np.append(idle, reference)
 

@@ -19,11 +19,11 @@ from eaid.logs.run import INPUT_UNITS, Run
 from eaid.options import EXPERIMENTS
 from eaid.replay.references import read_rows
 from eaid.steps.cut import cut
-from eaid.synth.logs import Input
+from eaid.synth.logs import InputSteps
 
 # Input of a plain eaid CSV, by kind,
 PLAIN_INPUTS = {"clutch": "duty_pct", "friction-force": "force_n", "friction-speed": "speed_rpm"}
-NAMES = {"clutch": "input", "friction-force": "force", "friction-speed": "speed"}  # and its name in another unit
+INPUT_OF = {"clutch": "input", "friction-force": "force", "friction-speed": "speed"}  # and its name in another unit
 
 FIRST_LINE = "# synthetic: "  # Only files that begin so are ever replaced or removed
 
@@ -52,10 +52,10 @@ def write_folder(folder: Path, runs: Sequence[Run], force: bool) -> None:
 
 def input_column(kind: str, unit: str) -> str:
     """Name of the input's column: `duty_pct`, `force_n`, `speed_rpm`, or one with another unit, `input (V)`."""
-    return PLAIN_INPUTS[kind] if unit == INPUT_UNITS[kind] else f"{NAMES[kind]} ({unit})"
+    return PLAIN_INPUTS[kind] if unit == INPUT_UNITS[kind] else f"{INPUT_OF[kind]} ({unit})"
 
 
-def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[Input, float]:
+def read_input(path: Path, kind: str = "clutch", unit: str = "%") -> tuple[InputSteps, float]:
     """The changes of the input (from when [s], value) and the length of the log [s]; `DataError` with the bad rows."""
     column = input_column(kind, unit)
     rows = read_rows(path, ("time_s", column), {"input": column})

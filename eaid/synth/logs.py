@@ -13,10 +13,10 @@ from eaid.logs.run import Run
 from eaid.plant.respond import driven
 from eaid.replay.loop import coloured
 from eaid.replay.references import MOST_SAMPLES
-from eaid.synth.plants import Scatter, Specimen
+from eaid.synth.plants import Factors, Specimen
 
-Input = Sequence[tuple[float, float]]  # A piecewise constant input: (from when [s], value), the first at 0
-Columns = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)
+InputSteps = Sequence[tuple[float, float]]  # A piecewise constant input: (from when [s], value), the first at 0
+Traces = tuple[Array, Array, Array]  # Time [s], input and output of a log, shapes (n,)
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ class Disturbance:
 NONE = Disturbance(**{field.name: 0.0 for field in fields(Disturbance) if field.name != "coloured_s"})
 
 
-def scatter(d: Disturbance, draw: np.random.Generator) -> Scatter:
+def scatter(d: Disturbance, draw: np.random.Generator) -> Factors:
     """The factors of one run."""
     gain, tau1, tau2 = draw.standard_normal(3).tolist()
-    return Scatter(1 + d.gain_scatter * gain, exp(d.tau1_scatter * tau1), exp(d.tau2_scatter * tau2))
+    return Factors(1 + d.gain_scatter * gain, exp(d.tau1_scatter * tau1), exp(d.tau2_scatter * tau2))
 
 
-def measured(torque_nm: Array, time_s: Array, rotor_hz: Array, d: Disturbance, draw: np.random.Generator) -> Array:
+def sensed(torque_nm: Array, time_s: Array, rotor_hz: Array, d: Disturbance, draw: np.random.Generator) -> Array:
     """What the sensor says [N·m] of a torque [N·m] while the rotor turns at `rotor_hz` [Hz]; all of shape (n,)."""
     share, white = noise(time_s, rotor_hz, d, draw)
     return digits(torque_nm * (1 + share) + d.offset_nm + white, d)
@@ -76,19 +76,19 @@ def mark(plant: Specimen, disturbance: Disturbance, seed: int) -> str:
     return f"eaid synth of {plant.made_of}; {disturbances or 'undisturbed'}; seed {seed}; recorded on no rig"
 
 
-def played(
-    plant: Specimen, factors: Scatter, steps: tuple[Array, Array], time_s: Array, disturbance: Disturbance,
+def render(
+    plant: Specimen, factors: Factors, steps: tuple[Array, Array], time_s: Array, disturbance: Disturbance,
     draw: np.random.Generator,
-) -> Columns:  # fmt: skip
+) -> Traces:  # fmt: skip
     """What one run of the rig gives where the input takes some values, each from an instant on: (instants, values)."""
     starts, levels = steps
     value = levels[np.searchsorted(starts, time_s, side="right") - 1]
     torque = driven(plant.acting(factors), starts, levels, time_s)
-    return time_s, value, measured(torque, time_s, plant.rotor_hz(value), disturbance, draw)
+    return time_s, value, sensed(torque, time_s, plant.rotor_hz(value), disturbance, draw)
 
 
-def run_of(
-    plant: Specimen, columns: Columns, what: str, repeat: int, synthetic: str, reference: Array | None = None
+def as_run(
+    plant: Specimen, columns: Traces, what: str, repeat: int, synthetic: str, reference: Array | None = None
 ) -> Run:
     """Columns as a run that says what it is of and what made it; its fingerprint is theirs."""
     time_s, value, output = map(read_only, columns)

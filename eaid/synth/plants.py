@@ -24,7 +24,7 @@ from eaid.results.fit import Fit
 
 
 @dataclass(frozen=True)
-class Scatter:
+class Factors:
     """How one run differs from the plant: factors on T_s, τ1 and τ2."""
 
     gain: float = 1.0
@@ -78,7 +78,7 @@ class Specimen:
         """Output at the highest input over that of the reference plant, 4.372 N·m."""
         return self.at(max(self.levels)).Ts / PAPER_TOP
 
-    def acting(self, run: Scatter) -> Acting:
+    def acting(self, run: Factors) -> Acting:
         """The plant of one run, as `eaid.plant.respond.driven` takes it."""
         if self.model is not None:
             numbers = plant_numbers(run.on(self.model))
@@ -139,7 +139,7 @@ REFERENCE: dict[str, Specimen] = {
 }  # fmt: skip
 
 
-def of_fit(fit: Fit, kind: ExperimentKind, named: str) -> Specimen:
+def of_model(fit: Fit, kind: ExperimentKind, named: str) -> Specimen:
     """The plant that a fit found, in its units; of friction only the fitted levels can be recorded."""
     data = fit.data
     input_unit, output_unit = data.input_unit, data.output_unit

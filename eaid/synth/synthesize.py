@@ -12,12 +12,12 @@ import numpy as np
 from eaid.declared import keyed
 from eaid.errors import UsageError
 from eaid.logs.run import Run
-from eaid.options import EXPERIMENTS, Excitation, SynthOptions
+from eaid.options import EXPERIMENTS, InputOptions, SynthOptions
 from eaid.results.fit import Fit
 from eaid.synth.excitation import synthesise_excitation
 from eaid.synth.files import read_input
-from eaid.synth.logs import NONE, Disturbance, Input, mark, played, refuse_too_many, run_of, scatter
-from eaid.synth.plants import REFERENCE, Specimen, of_fit
+from eaid.synth.logs import NONE, Disturbance, InputSteps, as_run, mark, refuse_too_many, render, scatter
+from eaid.synth.plants import REFERENCE, Specimen, of_model
 
 # Disturbances in the output's unit: their defaults are scaled to the rig
 ABSOLUTE = ("white_nm", "offset_nm", "resolution_nm")
@@ -43,7 +43,7 @@ def usual_protocol(plant: Specimen) -> Protocol:
     return Protocol(plant.levels, repeats=2, idle_s=2.0, hold_s=60.0, release_s=0.0)
 
 
-Part = TypeVar("Part", Protocol, Disturbance)
+PlantPart = TypeVar("PlantPart", Protocol, Disturbance)
 
 
 def synthesize(options: SynthOptions, fit: Fit | None = None, named: str = "a fit") -> list[Run]:
@@ -51,7 +51,7 @@ def synthesize(options: SynthOptions, fit: Fit | None = None, named: str = "a fi
 
     UsageError for what cannot be recorded; DataError where the fit holds no plant, or a file is no such table.
     """
-    plant = REFERENCE[options.kind or "clutch"] if fit is None else of_fit(fit, options.kind or fit.data.kind, named)
+    plant = REFERENCE[options.kind or "clutch"] if fit is None else of_model(fit, options.kind or fit.data.kind, named)
     disturbance = disturbance_of(options, plant)
     protocol = said_by(options, usual_protocol(plant))
     if options.duty_file is not None:
@@ -61,7 +61,7 @@ def synthesize(options: SynthOptions, fit: Fit | None = None, named: str = "a fi
         return list(repeats(plant, "input", changes, duration_s, timing, disturbance, (options.seed, len(EXPERIMENTS))))
     if options.excitation is not None:
         rate = {} if options.rate_hz is None else {"rate_hz": options.rate_hz}
-        shape = keyed(Excitation, "«shape»", options.shape, kind=options.excitation, **rate)
+        shape = keyed(InputOptions, "«shape»", options.shape, kind=options.excitation, **rate)
         return synthesise_excitation(plant, shape, disturbance, options.seed, options.repeats or 1)
     return stepped(plant, protocol, disturbance, options.seed)
 
@@ -81,7 +81,7 @@ def stepped(plant: Specimen, protocol: Protocol, disturbance: Disturbance, seed:
 
 
 def repeats(
-    plant: Specimen, what: str, changes: Input, duration_s: float, protocol: Protocol, disturbance: Disturbance,
+    plant: Specimen, what: str, changes: InputSteps, duration_s: float, protocol: Protocol, disturbance: Disturbance,
     key: tuple[int, ...],
 ) -> Iterator[Run]:  # fmt: skip
     """The runs of one input, each of a rig that was at rest before; key, the seed first, and repeat make its noise."""
@@ -89,8 +89,8 @@ def repeats(
     time_s = np.arange(round(duration_s * protocol.rate_hz)) / protocol.rate_hz
     for repeat in range(1, protocol.repeats + 1):
         draw = np.random.default_rng([*key, repeat])
-        columns = played(plant, scatter(disturbance, draw), (starts, levels), time_s, disturbance, draw)
-        yield run_of(plant, columns, what, repeat, mark(plant, disturbance, key[0]))
+        columns = render(plant, scatter(disturbance, draw), (starts, levels), time_s, disturbance, draw)
+        yield as_run(plant, columns, what, repeat, mark(plant, disturbance, key[0]))
 
 
 def check_protocol(plant: Specimen, protocol: Protocol) -> None:
@@ -115,7 +115,7 @@ def check_protocol(plant: Specimen, protocol: Protocol) -> None:
     refuse_too_many(samples * protocol.repeats * len(protocol.levels))
 
 
-def said_by(options: SynthOptions, usual: Part) -> Part:
+def said_by(options: SynthOptions, usual: PlantPart) -> PlantPart:
     """The usual values, or those of the options of the same names."""
     given = {each.name: getattr(options, each.name, None) for each in fields(usual)}
     return replace(usual, **{name: value for name, value in given.items() if value is not None})

@@ -115,7 +115,7 @@ BROKE = "(its reader broke down on it); copy or save it again"
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is bounded by the kernel, as Linux does it")
 def test_what_breaks_a_library_is_refused(tmp_path, monkeypatch):
     """All in one call: what one file does to the process that reads it, the next does not feel."""
-    monkeypatch.setattr(formats, "LONGEST_S", 20.0)
+    monkeypatch.setattr(formats, "LONGEST_READ_S", 20.0)
     for name, write in BREAKING.items():
         write(tmp_path / name)
     with pytest.raises(DataError) as caught:
@@ -135,7 +135,7 @@ def test_what_breaks_a_library_is_refused(tmp_path, monkeypatch):
 )  # fmt: skip
 def test_a_reader_that_breaks_down_or_takes_too_long(code, said, read, monkeypatch):
     monkeypatch.setattr(formats, "READER", (sys.executable, "-S", "-c", code))
-    monkeypatch.setattr(formats, "LONGEST_S", 0.4 if "sleep" in code else 20.0)
+    monkeypatch.setattr(formats, "LONGEST_READ_S", 0.4 if "sleep" in code else 20.0)
     assert read.refused(b"MATLAB 5.0" + bytes(200)) == [said]
 
 

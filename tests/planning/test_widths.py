@@ -9,7 +9,7 @@ import eaid
 from eaid.estimate.scatter import unit_variances
 from eaid.estimate.spread import t_quantile
 from eaid.options import PlanOptions
-from eaid.planning.widths import SHARES, fitted_rig
+from eaid.planning.widths import KEPT_SHARES, fitted_rig
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step
 from eaid.plant.respond import respond
 from eaid.results.fit import Fit
@@ -31,7 +31,7 @@ def test_widths_of_pure_scatter_by_hand() -> None:
     fit = Fit(data=FittedData(kind="friction-speed"), friction=Friction(levels=rows))
     rig = replace(fitted_rig(fit), noise=noise, known=False)
     found = rig.kept(*rig.contributions(levels, np.full(3, 30.0), PlanOptions()), 9, levels)
-    one = chi2(8).ppf(np.array(SHARES) ** (1 / 3)) / 8  # each level by itself, nine runs; the worst of three
+    one = chi2(8).ppf(np.array(KEPT_SHARES) ** (1 / 3)) / 8  # each level by itself, nine runs; the worst of three
     expected = 100 * np.expm1(t_quantile(8) * spread * np.sqrt(one) / 3)
     np.testing.assert_allclose(list(found.values()), expected, rtol=0.05)
     sure = replace(rig, known=True, fit=msgspec.structs.replace(fit, uncertainty=Uncertainty(degrees_of_freedom=20.0)))

@@ -8,7 +8,7 @@ import pytest
 
 import eaid
 from eaid.estimate.recorded_log import RecordedLog, recorded_log, shift_input
-from eaid.options import Excitation
+from eaid.options import InputOptions
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.plant.respond import respond
 from eaid.recorded.closed_loop import law_behind
@@ -24,13 +24,13 @@ PLAIN = eaid.FitOptions(model=("nonlinear",))
 
 
 def random_log(seed: int = 1, duration_s: float = 120.0, **changes: float) -> RecordedLog:
-    e = Excitation(kind="random", duration_s=duration_s, rate_hz=100.0, hold_s=(0.5, 8.0), rest_s=6.0)
+    e = InputOptions(kind="random", duration_s=duration_s, rate_hz=100.0, hold_s=(0.5, 8.0), rest_s=6.0)
     return recorded_log(synthesise_excitation(clutch(), replace(e, **changes), NOISE, seed)[0])
 
 
 def test_input_and_output_that_are_swapped_are_refused_by_name() -> None:
     log = recorded_log(
-        synthesise_excitation(clutch(), Excitation(kind="staircase", duration_s=60.0, rate_hz=50.0), NONE, 1)[0]
+        synthesise_excitation(clutch(), InputOptions(kind="staircase", duration_s=60.0, rate_hz=50.0), NONE, 1)[0]
     )
     steps = np.where(np.arange(len(log.time_s)) % 1500 < 500, 0.0, 50.0)
     swapped = RecordedLog("log", log.time_s, np.abs(log.output), steps)
@@ -60,7 +60,7 @@ def test_a_fast_input_a_limit_and_a_single_level_are_told() -> None:
 @pytest.mark.parametrize("late", [0, 1, -2, -20])
 def test_a_dead_time_and_an_input_noted_late_are_taken_over(kind: str, late: int) -> None:
     """τ1 is that of the log without the delay, which is told in rows or seconds."""
-    e = Excitation(kind=kind, duration_s=60.0, rate_hz=50.0, **({"hold_s": (0.5, 8.0)} if kind == "random" else {}))
+    e = InputOptions(kind=kind, duration_s=60.0, rate_hz=50.0, **({"hold_s": (0.5, 8.0)} if kind == "random" else {}))
     log = recorded_log(synthesise_excitation(clutch(), e, NOISE, 1)[0])
     options = replace(PLAIN, duty=(10.0, 100.0))
     plain, fit = (fit_recorded([one], options, falls=False) for one in (log, shift_input(log, -late)))
@@ -75,7 +75,7 @@ def test_a_dead_time_and_an_input_noted_late_are_taken_over(kind: str, late: int
 
 @pytest.mark.slow
 def test_inputs_that_were_never_asked_about() -> None:
-    e = Excitation(kind="random", duration_s=60.0, duty=(60.0, 70.0), rate_hz=100.0, hold_s=(0.3, 2.0))
+    e = InputOptions(kind="random", duration_s=60.0, duty=(60.0, 70.0), rate_hz=100.0, hold_s=(0.3, 2.0))
     fit = fit_recorded(synthesise_excitation(clutch(), e, NOISE, 1), replace(PLAIN, duty=(20.0, 100.0)))
     told = [one for one in fit.findings if one.code == "input-leaves-tau-open"]
     assert {one.values["parameter"] for one in told} >= {"Ts", "tau2"}
@@ -87,7 +87,7 @@ def test_inputs_that_were_never_asked_about() -> None:
 @pytest.mark.slow
 def test_a_release_of_its_own_is_found_and_fitted() -> None:
     plant = clutch(replace(REFERENCE_PLANT, release=(0.6, 12.0)))
-    e = Excitation(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(0.5, 6.0), rest_s=8.0)
+    e = InputOptions(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(0.5, 6.0), rest_s=8.0)
     fit = fit_recorded(synthesise_excitation(plant, e, NOISE, 2), PLAIN)
     assert fit.release is not None and fit.recorded is not None and fit.recorded.falls
     assert fit.release.tau1 == pytest.approx(0.6, rel=0.1)
@@ -104,7 +104,7 @@ def test_a_release_of_its_own_is_found_and_fitted() -> None:
 @pytest.mark.slow
 def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -> None:
     plant = clutch(replace(REFERENCE_PLANT, release=(0.15, 1.0)))
-    e = Excitation(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(1.0, 8.0), rest_s=8.0)
+    e = InputOptions(kind="random", duration_s=200.0, rate_hz=100.0, hold_s=(1.0, 8.0), rest_s=8.0)
     run = synthesise_excitation(plant, e, NOISE, 2)
     alone = eaid.FitOptions(model=("friction",))
     fit, bent = (fit_recorded(run, alone, falls=falls) for falls in (True, False))
@@ -154,7 +154,7 @@ def test_scatter_between_engagements_is_seen() -> None:
     assert "engagements-scatter" not in codes(fit_recorded([log], PLAIN))
 
 
-LOOP = Excitation(kind="closed-loop", duration_s=120.0, rate_hz=200.0, hold_s=(0.5, 8.0))
+LOOP = InputOptions(kind="closed-loop", duration_s=120.0, rate_hz=200.0, hold_s=(0.5, 8.0))
 
 
 @pytest.mark.slow
@@ -171,7 +171,7 @@ def test_a_loops_law_is_found() -> None:
     assert loop.method == "instrument" and "loop-instrument" in codes(fit)
     blind = fit_recorded([replace(recorded_log(run), reference=None)], replace(PLAIN, duty=(10.0, 100.0)))
     assert {"duty-follows-output", "loop-bias-unknown"} <= codes(blind).keys()
-    free = synthesise_excitation(clutch(), Excitation(kind="chirp", duration_s=120.0, rate_hz=200.0), NOISE, 3)
+    free = synthesise_excitation(clutch(), InputOptions(kind="chirp", duration_s=120.0, rate_hz=200.0), NOISE, 3)
     assert "duty-follows-output" not in codes(fit_recorded(free, PLAIN))
 
 

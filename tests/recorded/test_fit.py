@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 import eaid
 from eaid.estimate.recorded_log import RecordedLog, recorded_log
 from eaid.logs.run import Run
-from eaid.options import Excitation
+from eaid.options import InputOptions
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.recorded.fit import fit_recorded
 from eaid.steps.plateaus import fitted_as
@@ -30,7 +30,7 @@ def coefficients(p: object) -> np.ndarray:
 @pytest.mark.parametrize("kind", ["random", "staircase", "closed-loop", "chirp"])
 def test_noise_free_logs_give_the_ten_coefficients_back(kind: str) -> None:
     held = {} if kind == "chirp" else {"hold_s": (0.5, 8.0)}
-    e = Excitation(kind=kind, duration_s=150.0, rate_hz=200.0, **held)
+    e = InputOptions(kind=kind, duration_s=150.0, rate_hz=200.0, **held)
     run = synthesise_excitation(clutch(), e, NONE, 1)[0]
     assert fitted_as(run) == "recorded"
     found = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)))
@@ -39,7 +39,7 @@ def test_noise_free_logs_give_the_ten_coefficients_back(kind: str) -> None:
 
 
 def test_several_logs_with_idle_outputs_and_starts_of_their_own() -> None:
-    e = Excitation(kind="random", duration_s=90.0, rate_hz=100.0, hold_s=(0.5, 8.0))
+    e = InputOptions(kind="random", duration_s=90.0, rate_hz=100.0, hold_s=(0.5, 8.0))
     one = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, offset_nm=0.3), 1)[0])
     two = recorded_log(synthesise_excitation(clutch(), e, replace(NONE, offset_nm=-0.1), 2)[0])
     cut = slice(2500, None)  # begins loaded, in the middle of a hold
@@ -79,7 +79,7 @@ def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
 
 
 def test_a_log_can_be_drawn_from_the_fit_alone() -> None:
-    e = Excitation(kind="random", duration_s=60.0, rate_hz=100.0, hold_s=(0.5, 6.0))
+    e = InputOptions(kind="random", duration_s=60.0, rate_hz=100.0, hold_s=(0.5, 6.0))
     run = synthesise_excitation(clutch(), e, NOISE, 1)[0]
     spiked = run.output.copy()
     spiked[4321] += 3.0  # one row of 6000
@@ -104,13 +104,13 @@ def frame(run: Run) -> pd.DataFrame:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_good_log_of_random_steps_is_stopped_by_none_of_them(seed: int) -> None:
-    e = Excitation(kind="random", duration_s=120.0, rate_hz=50.0, hold_s=(0.5, 8.0), rest_s=6.0)
+    e = InputOptions(kind="random", duration_s=120.0, rate_hz=50.0, hold_s=(0.5, 8.0), rest_s=6.0)
     fit = eaid.fit(frame(synthesise_excitation(clutch(), e, replace(NOISE, white_nm=0.05), seed)[0]), ci="none")
     assert fit.nonlinear.fit_pct > 94 and fit.verdict.usable and len(fit.steps) > 10
 
 
 def test_what_a_fit_of_a_recorded_log_knows_and_refuses() -> None:
-    e = Excitation(kind="chirp", duration_s=60.0, rate_hz=20.0, duty=(20.0, 80.0))
+    e = InputOptions(kind="chirp", duration_s=60.0, rate_hz=20.0, duty=(20.0, 80.0))
     steps = eaid.read(frame(synthesise_excitation(clutch(), e, NOISE, 1)[0]), apparatus="surfaces=4")
     fit = eaid.fit(steps, ci="none")
     assert fit.recorded is not None and fit.data.apparatus.surfaces == 4
@@ -119,7 +119,7 @@ def test_what_a_fit_of_a_recorded_log_knows_and_refuses() -> None:
     with pytest.raises(eaid.UsageError, match="duty= 1000: the fit knows"):
         fit.predict(1000, [1.0])
     assert len(fit.plot().lines) == 5
-    stairs = Excitation(kind="staircase", duration_s=60.0, rate_hz=20.0, duty=(20.0, 80.0), hold_s=(2.0, 3.0))
+    stairs = InputOptions(kind="staircase", duration_s=60.0, rate_hz=20.0, duty=(20.0, 80.0), hold_s=(2.0, 3.0))
     logs = frame(synthesise_excitation(clutch(), stairs, NOISE, 1)[0])
     known = eaid.fit(logs, ci="none", bounds_levels="40:80", shape="one")
     assert min(known.linear.bounds.levels) >= 40

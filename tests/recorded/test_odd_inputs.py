@@ -16,7 +16,7 @@ from eaid.plant.respond import respond
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.inputs import find_inputs
 from eaid.recorded.log_intervals import engagements
-from eaid.results.plant import number
+from eaid.results.plant import number_at
 
 from ..conftest import codes
 
@@ -135,7 +135,7 @@ def test_plants_of_another_kind_are_drawn_by_their_intervals(kind):
     assert fit.plant.kind == kind and drawable(fit)
     plants = draw(fit, 400, 0).plants
     for name, (_, ends) in fit.plant_.numbers.items():
-        low, high = np.quantile([number(one, name, 100.0) for one in plants], [0.025, 0.975])
+        low, high = np.quantile([number_at(one, name, 100.0) for one in plants], [0.025, 0.975])
         assert np.log([low, high]) == pytest.approx(np.log(ends), abs=0.2 * np.log(ends[1] / ends[0]))
     without = fit_recorded([log(t, u)], FitOptions(ci="none"))
     assert not drawable(without) and draw(without, 3, 0).plants == (without.plant,) * 3

@@ -11,7 +11,7 @@ from eaid.replay import metrics
 def test_tracking_by_hand():
     def tracking(reference, torque, duty, limits=(0.0, 100.0)):
         columns = {"reference_nm": reference, "torque_nm": torque, "duty_pct": duty}
-        return metrics.tracking({name: np.array(column) for name, column in columns.items()}, limits)
+        return metrics.tracking_errors({name: np.array(column) for name, column in columns.items()}, limits)
 
     found = tracking([1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 3.0], [0.0, 100.0, 40.0, 30.0])
     assert (found.max_abs_error_nm, found.rms_error_nm) == (2.0, math.sqrt(6 / 4))

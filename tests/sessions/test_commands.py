@@ -11,7 +11,7 @@ import pytest
 from matplotlib.text import Text
 
 import eaid
-from eaid.report.figures.sessions import compared
+from eaid.report.figures.sessions import sessions_compared
 from eaid.report.paper import figure_of, look
 from eaid.report.results import gathered
 from eaid.sessions import follow
@@ -115,7 +115,7 @@ def test_a_page_begins_with_the_verdict_and_shows_the_sessions(folder, run_eaid)
 
 
 def test_names_of_many_sessions_stand_clear_of_the_letters_of_the_panels(fits):
-    sheet = compared(gathered([eaid.compare(*fits.values())]))
+    sheet = sessions_compared(gathered([eaid.compare(*fits.values())]))
     with look():
         figure = figure_of(sheet)
         figure.canvas.draw()

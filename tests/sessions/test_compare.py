@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 import eaid
-from eaid.sessions.compare import _spread, holm
-from eaid.sessions.gather import values_of
+from eaid.sessions.compare import _session_covariance, holm
+from eaid.sessions.gather import values_of_fit
 
 
 @pytest.fixture(scope="module")
@@ -95,8 +95,8 @@ def test_levels_on_one_curve_are_off_together(fits):
     """Five levels of a quadratic know no more than its three coefficients: their mean is as sure as these leave it."""
     one = fits["s0"]
     for name, rank in (("Ts", len(one.data.levels)), ("tau1", min(3, len(one.data.levels)))):
-        values = values_of(one, name, "A")
-        covariance, apart, known = _spread(one, name, values)
+        values = values_of_fit(one, name, "A")
+        covariance, apart, known = _session_covariance(one, name, values)
         assert known == rank == np.linalg.matrix_rank(apart, tol=1e-9 * apart.max())
         for each in (covariance, apart):
             assert np.sqrt(np.diag(each)) == pytest.approx([one.sd_log for one in values])

@@ -2,7 +2,7 @@
 
 from eaid.findings.sentences import control, fitting, logs, sessions
 
-PARTS = (logs.ROWS, fitting.ROWS, control.ROWS, sessions.ROWS)
-SENTENCES = {code: row for part in PARTS for code, row in part.items()}
-if len(SENTENCES) < sum(map(len, PARTS)):
+SENTENCE_TABLES = (logs.ROWS, fitting.ROWS, control.ROWS, sessions.ROWS)
+SENTENCES = {code: row for part in SENTENCE_TABLES for code, row in part.items()}
+if len(SENTENCES) < sum(map(len, SENTENCE_TABLES)):
     raise ValueError("a code of a finding stands in two parts of the table")

@@ -8,7 +8,7 @@ from eaid.findings.row import Row, Values, caution, note, stop
 CONDITION_WORDS = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "input limit", "duty-floor": "input floor"}
 
 
-def _margin(v: Values) -> str:
+def _say_margin(v: Values) -> str:
     known = [f"{v[key]:.3g}{unit}" for key, unit in (("gain_db", " dB"), ("phase_deg", "°")) if v[key] is not None]
     law, least = v["subject"].upper(), ", ".join(known)
     missed = f"less than {v['enough_db']:g} dB or {v['enough_deg']:g}° of margin"
@@ -94,7 +94,7 @@ ROWS: dict[str, Row] = {
         "along the {reference} a plant that the gains allow for may take more or less than the actuator has: there "
         "nothing holds the error; a slower reference in the middle of the range takes less"
     ),
-    "margin-missed": caution(_margin),
+    "margin-missed": caution(_say_margin),
     "fall-within-interval": caution(
         "T_s(u) falls around {levels} {unit}, the levels' T_s within their intervals do not: gains and margins are for "
         "a rig that rises there as it does beside it"

@@ -88,7 +88,7 @@ def kind_in_words(kind: str) -> str:
     return LAGS_IN_WORDS[name] + " with a dead time" * bool(dead)
 
 
-def _kind(v: Values) -> str:
+def _say_kind(v: Values) -> str:
     said = f"the plant is {kind_in_words(v['kind'])}: {v['fit_pct']:.4g} % of these logs with {v['unknowns']} unknowns"
     if v["clutch_pct"] is None:
         return said
@@ -96,7 +96,7 @@ def _kind(v: Values) -> str:
     return f"{said}, {clutch}"
 
 
-def _falls(v: Values) -> str:
+def _say_falls(v: Values) -> str:
     each = [f"their {name} is {factor:.3g} times" for name, factor in zip(("τ1", "τ2"), v["factors"], strict=False)]
     return (
         f"falls between levels are not what rises are: {' and '.join(each)} that of rises to the same input (chance "
@@ -440,7 +440,7 @@ ROWS: dict[str, Row] = {
         "no kind of lag explains these logs, the best {fit_pct:.2g} %: look at the columns, or whether the input "
         "drives the output at all"
     ),
-    "kind-by-evidence": note(_kind, always=True),
+    "kind-by-evidence": note(_say_kind, always=True),
     "dead-time": note(
         lambda v: (
             f"{v['subject']}: the output answers after a dead time of {v['dead_time_s']:.3g} s"
@@ -505,7 +505,7 @@ ROWS: dict[str, Row] = {
     "release-not-seen": note(
         "the logs hold no fall to rest: that a release goes as at the lowest input is an assumption"
     ),
-    "falls-differ": caution(_falls),
+    "falls-differ": caution(_say_falls),
     "hysteresis": caution(
         "the steady output depends on where the input came from: {excess_pct:+.2g} % after a fall of the input "
         "(chance {chance:.2g}); T_s here is that after rises"

@@ -7,7 +7,7 @@ STOOD_STILL = "the sensor stood still for {for_s:.3g} s at {at_s:.6g} s, at exac
 RAMPS = "the input takes {ramp_s:.3g} s to its new level, and {moved_pct:.0f} % of the change come before it is there: "
 
 
-def _drift(v: Values) -> str:
+def _say_drift(v: Values) -> str:
     share = v.get("share_pct")
     of = f" ({share:.0f} % of the step)" if share is not None and share < 1000 else ""
     return f"drift before the step: {v['drift']:+.3g} {v['unit']} while idle{of}"
@@ -193,7 +193,7 @@ ROWS: dict[str, Row] = {
         "command",
         "moved_pct",
     ),
-    "idle-drifts": caution(_drift, "share_pct", rank=1),
+    "idle-drifts": caution(_say_drift, "share_pct", rank=1),
     "creep-taken-off": caution(
         lambda v: (
             f"the output creeps by {v['rate']:+.3g} {v['unit']}/s ({v['low']:+.3g} … {v['high']:+.3g}) beside its "

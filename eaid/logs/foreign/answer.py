@@ -15,11 +15,11 @@ import msgspec
 import numpy as np
 
 from eaid.errors import DataError
-from eaid.logs.table import Cells, Table
+from eaid.logs.table import Cells, LogTable
 
-LONGEST_S = 60.0  # Time for any file; a second for every megabyte comes on top [s]
+LONGEST_READ_S = 60.0  # Time for any file; a second for every megabyte comes on top [s]
 MEMORY_FLOOR = 512 << 20  # Memory for any file [bytes], beyond what the process holds before it
-MOST_RATIO = 40  # Memory for a file, as a multiple of its size (what is recorded packs by about 10)
+MOST_MEMORY_RATIO = 40  # Memory for a file, as a multiple of its size (what is recorded packs by about 10)
 
 
 class Question(msgspec.Struct, frozen=True):
@@ -36,7 +36,7 @@ class Question(msgspec.Struct, frozen=True):
 class Answer(msgspec.Struct, frozen=True, omit_defaults=True):
     """Tables, or columns of one, or what is wrong."""
 
-    tables: tuple[Table, ...] = ()
+    tables: tuple[LogTable, ...] = ()
     cells: Cells = Cells(())
     refusal: tuple[str, ...] = ()
     worn: bool = False  # Whether nobody knows what the process still holds: it gets no further question
@@ -82,26 +82,26 @@ def _bound(size: int) -> None:
             resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 
         # twice what the command waits for, in case that it is gone
-        limit(resource.RLIMIT_CPU, int(time.process_time() + 2 * (LONGEST_S + size / 1e6)))
+        limit(resource.RLIMIT_CPU, int(time.process_time() + 2 * (LONGEST_READ_S + size / 1e6)))
         words = Path("/proc/self/status").read_text(encoding="ascii", errors="replace").partition("VmData:")[2].split()
-        limit(resource.RLIMIT_DATA, (int(words[0]) << 10) + MEMORY_FLOOR + MOST_RATIO * size)
+        limit(resource.RLIMIT_DATA, (int(words[0]) << 10) + MEMORY_FLOOR + MOST_MEMORY_RATIO * size)
     except (ImportError, OSError, IndexError, ValueError):
         return
 
 
 @lru_cache(1)
-def _tables(reader: str, path: Path, source: str) -> list[Table]:
+def _tables_of_file(reader: str, path: Path, source: str) -> list[LogTable]:
     """The tables of a file, those of the last one at hand."""
     _bound(path.stat().st_size)
     module, _, function = reader.partition(".")
-    tables: list[Table] = getattr(import_module(f"eaid.logs.foreign.{module}"), function)(path, source)
+    tables: list[LogTable] = getattr(import_module(f"eaid.logs.foreign.{module}"), function)(path, source)
     return tables
 
 
 def _answer(question: Question) -> Answer:
     """The tables of a file, or columns of one of them; what is wrong where they cannot be had."""
     try:
-        tables = _tables(question.reader, Path(question.path), question.source)
+        tables = _tables_of_file(question.reader, Path(question.path), question.source)
         if question.table is None:
             return Answer(tuple(tables))
         return Answer(cells=tables[question.table].load(question.wanted))

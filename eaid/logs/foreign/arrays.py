@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from eaid.errors import DataError
 from eaid.logs.hdf import nodes, text
 from eaid.logs.run import numbered
-from eaid.logs.table import Cells, Table
+from eaid.logs.table import Cells, LogTable
 
 FEWEST_IN_MATRIX = 10  # Rows below which a matrix is no record, but gains and other settings
 OBJECTS = (
@@ -34,7 +34,7 @@ OBJECTS = (
 _CLASSES = {"", "double", "single", "logical", *(f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64))}
 
 
-class Column(NamedTuple):
+class ArrayColumn(NamedTuple):
     """A column of a table: an array of NumPy or h5py, one of its rows or columns (whichever are longer), or a field."""
 
     label: str
@@ -64,22 +64,24 @@ class Column(NamedTuple):
         return np.where(empty, np.nan, stored) if empty.any() else stored
 
 
-def _table(name: str, columns: Sequence[Column], dropped: Sequence[str] = (), clock: int | None = None) -> Table:
+def _table(
+    name: str, columns: Sequence[ArrayColumn], dropped: Sequence[str] = (), clock: int | None = None
+) -> LogTable:
     def load(wanted: Sequence[int]) -> Cells:
         return Cells(tuple(columns[i].values() for i in wanted))
 
     units = tuple(text(one.attribute("units", one.attribute("unit", ""))) for one in columns)
-    return Table(name, tuple(one.label for one in columns), load, units, clock=clock, dropped=tuple(dropped))
+    return LogTable(name, tuple(one.label for one in columns), load, units, clock=clock, dropped=tuple(dropped))
 
 
-def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[list[Table], list[str]]:
+def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[list[LogTable], list[str]]:
     """Tables of the arrays in the place `name`, and which of them hold no real numbers.
 
     `between` stands between a place and what lies in it.
     """
-    vectors: dict[int, list[Column]] = {}
+    vectors: dict[int, list[ArrayColumn]] = {}
     matrices: list[tuple[str, Any]] = []
-    tables: list[Table] = []
+    tables: list[LogTable] = []
     dropped: list[str] = []
 
     def inside(leaf: str) -> str:
@@ -89,16 +91,16 @@ def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[l
         long = [n for n in array.shape if n != 1]
         if array.dtype.names and array.ndim == 1:
             fields = [field for field in array.dtype.names if array.dtype[field].kind in "fiub"]
-            tables.append(_table(inside(leaf), [Column(field, array, field) for field in fields]))
+            tables.append(_table(inside(leaf), [ArrayColumn(field, array, field) for field in fields]))
         elif array.dtype.kind not in "fiub":
             dropped.extend([inside(leaf)] if array.size > 1 else [])
         elif len(long) == 1 and array.size:
-            vectors.setdefault(array.size, []).append(Column(leaf, array))
+            vectors.setdefault(array.size, []).append(ArrayColumn(leaf, array))
         elif len(long) == array.ndim == 2 and max(long) >= FEWEST_IN_MATRIX:
             matrices.append((leaf, array))
     for leaf, array in matrices:
         count, beside = min(array.shape), vectors.get(max(array.shape))
-        columns = [Column(f"{leaf}[{k + 1}]" if beside else "", array, k) for k in range(count)]
+        columns = [ArrayColumn(f"{leaf}[{k + 1}]" if beside else "", array, k) for k in range(count)]
         if beside is None:
             tables.append(_table(inside(leaf), columns))
         else:
@@ -107,11 +109,11 @@ def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[l
     return tables, dropped
 
 
-def _with_dropped(tables: Sequence[Table], dropped: Sequence[str]) -> list[Table]:
+def _with_dropped(tables: Sequence[LogTable], dropped: Sequence[str]) -> list[LogTable]:
     return [replace(table, dropped=(*table.dropped, *dropped)) for table in tables]
 
 
-def read_mat(path: Path, source: str) -> list[Table]:
+def read_mat(path: Path, source: str) -> list[LogTable]:
     """Tables of a MAT-file v4 or v5; raises DataError where it holds no numbers."""
     from scipy.io import loadmat
 
@@ -130,7 +132,7 @@ def read_mat(path: Path, source: str) -> list[Table]:
     return tables
 
 
-def read_numpy(path: Path, source: str) -> list[Table]:
+def read_numpy(path: Path, source: str) -> list[LogTable]:
     """Tables of a .npy or .npz; nothing pickled is loaded."""
     try:
         with path.open("rb") as file:
@@ -141,29 +143,29 @@ def read_numpy(path: Path, source: str) -> list[Table]:
         if "Object arrays" not in str(fault):
             raise
         raise DataError(f"{source}: holds Python objects, which can run code; save arrays of plain numbers") from None
-    kept = {name: array if array.dtype.names else _number(array) for name, array in arrays.items()}
+    kept = {name: array if array.dtype.names else _real_array(array) for name, array in arrays.items()}
     tables, _ = _tables("", {name: array for name, array in kept.items() if array is not None})
     if not tables:
         raise DataError(f"{source}: holds no table of numbers; save time and output as arrays of one length")
     return tables
 
 
-def _number(value: Any) -> NDArray[Any] | None:
+def _real_array(value: Any) -> NDArray[Any] | None:
     """A real numeric array without its empty axes, or None."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.size:
         return np.squeeze(value) if value.ndim > 2 else value
     return None
 
 
-def _of_variables(variables: Mapping[str, Any], name: str = "") -> list[Table]:
+def _of_variables(variables: Mapping[str, Any], name: str = "") -> list[LogTable]:
     """Tables of named values, those of every structure among them."""
-    tables: list[Table] = []
+    tables: list[LogTable] = []
     arrays: dict[str, NDArray[Any]] = {}
     for leaf, value in variables.items():
         if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
             tables.extend(_structure(f"{name}.{leaf}" if name else leaf, value.reshape(-1)[0]))
         elif isinstance(value, np.ndarray):
-            number = _number(value)
+            number = _real_array(value)
             arrays[leaf] = value if number is None else number
     here, dropped = _tables(name, arrays)
     return _with_dropped([*tables, *here], dropped)
@@ -176,17 +178,17 @@ def _texts(value: Any) -> list[str]:
     return [str(one) for one in value.reshape(-1)] if isinstance(value, np.ndarray) and value.dtype.kind == "U" else []
 
 
-def _structure(name: str, record: Any) -> list[Table]:
+def _structure(name: str, record: Any) -> list[LogTable]:
     """Structure with time (`time`, `signals.values`, `signals.label`), or any structure of vectors."""
     fields = record.dtype.names
     signals = record["signals"] if "signals" in fields else None
     if not (isinstance(signals, np.ndarray) and signals.dtype.names and "values" in signals.dtype.names):
         return _of_variables({field: record[field] for field in fields}, name)
-    time = _number(record["time"]) if "time" in fields else None
+    time = _real_array(record["time"]) if "time" in fields else None
     clock = None if time is None else time.reshape(-1)
-    columns = [] if clock is None else [Column("time", clock)]
+    columns = [] if clock is None else [ArrayColumn("time", clock)]
     for k, signal in enumerate(signals.reshape(-1)):
-        if (values := _number(signal["values"])) is None:
+        if (values := _real_array(signal["values"])) is None:
             continue
         table = values if clock is None or len(values) == len(clock) else values.T
         table = table.reshape(len(table), -1)
@@ -194,7 +196,7 @@ def _structure(name: str, record: Any) -> list[Table]:
         if len(labels) != table.shape[1]:
             label = labels[-1] if labels else ("output" if signals.size == table.shape[1] == 1 else f"signal{k + 1}")
             labels = [label] if table.shape[1] == 1 else [f"{label} {j + 1}" for j in range(table.shape[1])]
-        columns += [Column(label, table[:, j]) for j, label in enumerate(labels)
+        columns += [ArrayColumn(label, table[:, j]) for j, label in enumerate(labels)
                     if clock is None or not np.array_equal(table[:, j], clock)]  # fmt: skip
     columns = [one for one in columns if len(one.array) == len(columns[0].array)]
     names = numbered((one.label for one in columns), " #")
@@ -202,7 +204,7 @@ def _structure(name: str, record: Any) -> list[Table]:
     return [_table(name, columns, clock=None if clock is None else 0)] if columns else []
 
 
-def read_through(path: Path, source: str) -> list[Table]:
+def read_through(path: Path, source: str) -> list[LogTable]:
     """Read an HDF5 file to its end, attributes and arrays: no table, but whatever the library stumbles over."""
     with h5py.File(path, "r", locking=False) as file:
         for _, node in nodes(file, source):
@@ -214,7 +216,7 @@ def read_through(path: Path, source: str) -> list[Table]:
     return []
 
 
-def read_hdf5(path: Path, source: str) -> list[Table]:
+def read_hdf5(path: Path, source: str) -> list[LogTable]:
     """Tables of an HDF5 file, none of a dataset of eaid; raises DataError where it holds no table of numbers."""
     file = h5py.File(path, "r", locking=False)
     if text(file.attrs.get("schema", "")).startswith("eaid/data/"):
@@ -222,7 +224,7 @@ def read_hdf5(path: Path, source: str) -> list[Table]:
     with path.open("rb") as raw:
         matlab = raw.read(6) == b"MATLAB"
     places: dict[str, dict[str, h5py.Dataset]] = {}
-    every: list[Table] = []
+    every: list[LogTable] = []
     dropped: list[str] = []
     opaque = False
     for name, node in nodes(file, source):

@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 
 from eaid.errors import DataError
-from eaid.logs.table import BadCell, Cells, Table, seconds
+from eaid.logs.table import BadCell, Cells, LogTable, seconds
 from eaid.logs.units import unit_of
 
-Row = Sequence[Any]
+SheetRow = Sequence[Any]
 
 
-def read_excel(path: Path, source: str) -> list[Table]:
+def read_excel(path: Path, source: str) -> list[LogTable]:
     """One table a sheet that holds numbers: its values as last computed, not its formulas."""
     import openpyxl
 
     book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     sheets = ((sheet.title, list(sheet.iter_rows(values_only=True))) for sheet in book.worksheets)
-    tables = [table for name, rows in sheets if (table := _table(str(name), rows)) is not None]
+    tables = [table for name, rows in sheets if (table := _sheet_table(str(name), rows)) is not None]
     if not tables:
         raise DataError(f"{source}: no sheet of it holds rows of numbers; a log is a table, one row a sample")
     return tables
@@ -31,7 +31,7 @@ def _is_number(cell: Any) -> bool:
     return isinstance(cell, int | float | date) and not isinstance(cell, bool)
 
 
-def _table(name: str, rows: Sequence[Row]) -> Table | None:
+def _sheet_table(name: str, rows: Sequence[SheetRow]) -> LogTable | None:
     """The rows from the first one with as many numbers as any; None without two of two columns."""
     counts = [sum(map(_is_number, row)) for row in rows]
     most = max(counts, default=0)
@@ -64,4 +64,4 @@ def _table(name: str, rows: Sequence[Row]) -> Table | None:
         return Cells(tuple(values), tuple(bad), ((0, start + 1),))
 
     labels = tuple(words[0]) if words else ("",) * len(places)
-    return Table(name, labels, load, tuple(units), stamped=stamped)
+    return LogTable(name, labels, load, tuple(units), stamped=stamped)

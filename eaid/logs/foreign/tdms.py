@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from eaid.errors import DataError
-from eaid.logs.table import Cells, Table, seconds
+from eaid.logs.table import Cells, LogTable, seconds
 
-Clock = tuple[float, float, int]  # Time of the first sample and sample time [s], and the number of samples
+WaveformClock = tuple[float, float, int]  # Time of the first sample and sample time [s], and the number of samples
 
 
-def read_tdms(path: Path, source: str) -> list[Table]:
+def read_tdms(path: Path, source: str) -> list[LogTable]:
     """Tables of a TDMS file: channels with waveform properties for each clock, and where their names are not enough for
     each group; the others as vectors of one length."""
     import nptdms
@@ -20,7 +20,7 @@ def read_tdms(path: Path, source: str) -> list[Table]:
     file = nptdms.TdmsFile.open(str(path))
     if file.file_status.incomplete_final_segment:
         raise DataError(f"{source}: is cut short: its last segment ends early; copy it again, or record it again")
-    waves: list[tuple[Any, str, Clock]] = []
+    waves: list[tuple[Any, str, WaveformClock]] = []
     vectors: dict[tuple[str, int], list[tuple[Any, str]]] = {}
     dropped: list[str] = []
     channels = [channel for group in file.groups() for channel in group.channels()]
@@ -44,17 +44,19 @@ def read_tdms(path: Path, source: str) -> list[Table]:
             begin += float((start - origin) / np.timedelta64(1, "ns")) * 1e-9
         waves.append((channel, unit, (begin, increment, len(channel))))
     alike = len({channel.name for channel, _, _ in waves}) < len(waves)
-    timed: dict[tuple[str, Clock], list[tuple[Any, str]]] = {}
+    timed: dict[tuple[str, WaveformClock], list[tuple[Any, str]]] = {}
     for channel, unit, clock in waves:
         timed.setdefault((str(channel.group_name) if alike else "", clock), []).append((channel, unit))
-    tables = [_table(name, columns, (), clock) for (name, clock), columns in timed.items()]
-    tables += [_table(name, columns, dropped) for (name, _), columns in vectors.items()]
+    tables = [_channel_table(name, columns, (), clock) for (name, clock), columns in timed.items()]
+    tables += [_channel_table(name, columns, dropped) for (name, _), columns in vectors.items()]
     if not tables:
         raise DataError(f"{source}: holds no channels of numbers; record the log again")
     return tables
 
 
-def _table(name: str, columns: Sequence[tuple[Any, str]], dropped: Sequence[str], clock: Clock | None = None) -> Table:
+def _channel_table(
+    name: str, columns: Sequence[tuple[Any, str]], dropped: Sequence[str], clock: WaveformClock | None = None
+) -> LogTable:
     """A table of channels with their units, behind a column of times where they have a clock."""
     labels, units = [str(channel.name) for channel, _ in columns], [unit for _, unit in columns]
     if clock is not None:
@@ -70,4 +72,4 @@ def _table(name: str, columns: Sequence[tuple[Any, str]], dropped: Sequence[str]
             values.append(seconds(column) if column.dtype.kind == "M" else column)
         return Cells(tuple(values))
 
-    return Table(name, tuple(labels), load, tuple(units), dropped=tuple(dropped))
+    return LogTable(name, tuple(labels), load, tuple(units), dropped=tuple(dropped))

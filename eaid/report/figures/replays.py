@@ -36,7 +36,7 @@ def counted_from(replay: Replay) -> float:
     return next((value for value in said if value is not None), 0.0)
 
 
-def tracking(replay: Replay) -> Sheet:
+def tracked(replay: Replay) -> Sheet:
     """Figs. 11, 12 and the like: output and reference, the error but for steps, and the input of each controller."""
     output, error, acting = tracking_panels(replay)
     if replay.head.scenario == "steps":
@@ -68,7 +68,7 @@ def tracking_panels(replay: Replay, until_s: float | None = None) -> list[Panel]
     ]
 
 
-def sweep(replay: Replay) -> Sheet | None:
+def sweep_panels(replay: Replay) -> Sheet | None:
     """Fig. 13: (a) amplitude [dB] and (b) mean absolute error over the frequency [Hz], a row a controller."""
     gain, error = [], []
     for name, one in replay.records.items():
@@ -199,7 +199,7 @@ def training(replay: Replay) -> Sheet | None:
     return Sheet(panels, 5.0, live=True)
 
 
-def errors(replay: Replay) -> Sheet | None:
+def error_boxes(replay: Replay) -> Sheet | None:
     """Fig. 17: box plot of the absolute position error [°] of each mode, without its first seconds."""
     if (found := session(replay)) is None:
         return None

@@ -17,7 +17,7 @@ SHOWN_LEVELS = 6  # Levels whose residuals are drawn
 LOG_COLOURS = (ink.BLUE, ink.VERMILLION, ink.GREEN)  # Of logs
 
 
-def residuals(fit: Fit, steps: StepSet | None = None) -> Sheet | None:
+def residual_panels(fit: Fit, steps: StepSet | None = None) -> Sheet | None:
     """The three panels; None where no samples are at hand. `steps`: those of a fit that was read from a file."""
     over_time, own, against = list[Line](), list[tuple[Correlation, str]](), list[Line]()
     for log, colour in zip(drawn_logs(fit.logs), LOG_COLOURS, strict=False):

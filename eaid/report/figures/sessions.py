@@ -86,7 +86,7 @@ def changes_panel(found: Comparison) -> Panel:
     return Panel(over(found.input_unit), Axis("T_s of A over the others'"), lines, spans=spans, tight=False)
 
 
-def compared(results: Results) -> Sheet | None:
+def sessions_compared(results: Results) -> Sheet | None:
     """Sessions on top of each other, and by what factor they differ."""
     found = next((one.result for one in results.comparisons if one.result.values), None)
     if found is None:

@@ -20,21 +20,21 @@ from eaid.steps.noise import block_means
 from eaid.steps.step import hold_of
 from eaid.steps.stepset import LevelStep, StepSet
 
-Model = Callable[[Array], Array]
+CurveOverTime = Callable[[Array], Array]
 T = TypeVar("T")
 LABELLED = 14  # Most levels that are named at the ends of their curves, spread over all
 PALER = 0.5  # Of what was measured, however many rows of it: the models stay to be seen above
 DRAWN = 24  # Most levels that are drawn: more hide each other
 
 
-def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, Model]:
+def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, CurveOverTime]:
     """Level → the step response of the nonlinear model, or of the plant of another kind in its place."""
     if fit is None or (fit.nonlinear is None and fit.plant_ is None):
         return {}
     return {one.level: partial(from_rest, fit.plant, u=one.level) for one in data.levels}
 
 
-def single_curves(fit: Fit | None) -> dict[float, Model]:
+def single_curves(fit: Fit | None) -> dict[float, CurveOverTime]:
     """Level → its own fitted curve."""
     rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
     return {row.level: row.predict for row in rows}
@@ -53,7 +53,7 @@ def fine_times(t_end: float, points: int = 150) -> Array:
 
 
 # What was measured: time, values, half of the band around them or None, what it is called, the model's RMSE or ""
-Curve = tuple[Array, Array, Array | None, str, str, Model | None]
+Curve = tuple[Array, Array, Array | None, str, str, CurveOverTime | None]
 
 
 def curves_panel(curves: Sequence[Curve], y: Axis) -> Panel:
@@ -77,7 +77,7 @@ def curves_panel(curves: Sequence[Curve], y: Axis) -> Panel:
 
 def steps_panel(
     data: StepSet,
-    fitted: Mapping[float, Model],
+    fitted: Mapping[float, CurveOverTime],
     notes: Mapping[float, str] = MappingProxyType({}),
     spread: bool = False,
 ) -> Panel:
@@ -139,7 +139,7 @@ MOST_LEVEL_STEPS = 12  # Most steps from level to level that are drawn
 HELD_LOOKS = ((ink.BLUE, "-"), (ink.VERMILLION, "--"), (ink.GREEN, "-."))  # Of Fig. 6, the highest level first
 
 
-def level_steps(results: Results) -> Sheet | None:
+def level_step_panels(results: Results) -> Sheet | None:
     """Change of output over time since each step from level to level, and the fitted curves (dashed)."""
     for one in results.data:
         data, fit = one.result, results.fit(one.result.kind)

@@ -50,7 +50,7 @@ def value_panel(
     return Panel(x, y, lines, legend="over" if legend else "", columns=6, tight=False)
 
 
-def ended(values: Array, name: str) -> Array:
+def without_endless(values: Array, name: str) -> Array:
     """Values, with nan for time constants without end, which no axis can hold."""
     return values if name == "Ts" else np.where(values > ENDLESS_S, np.nan, values)
 
@@ -60,13 +60,13 @@ def value_panels(fit: Fit) -> list[Panel]:
     rows, part = fit.level_values, fit.nonlinear
     panels, one_lag = [], fit.plant_ is not None and fit.plant_.kind == "lag"
     for name in VALUES[: 2 if one_lag else 3]:
-        values = ended(np.array([getattr(row, name) for row in rows], dtype=float), name)
+        values = without_endless(np.array([getattr(row, name) for row in rows], dtype=float), name)
         model = published = None
         if part is not None:
             u = np.linspace(*part.u_range, 200)
             tau1, tau2 = part.parameters.time_constants(u)
             curves = {"Ts": part.parameters.steady(u), "tau1": tau1, "tau2": tau2}
-            model = Line(u, ended(curves[name], name), "model")
+            model = Line(u, without_endless(curves[name], name), "model")
             if of_the_paper(fit.data) and name != "Ts":  # Table III's T_s gives 0.06 N·m at full duty
                 published = Line(u, np.polynomial.polynomial.polyval(u, rig.TABLE_III[name]))
         levels, intervals = [row.level for row in rows], [ci95_of(row, name) for row in rows]

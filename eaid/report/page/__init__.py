@@ -23,9 +23,9 @@ from eaid.findings import Finding, advised, enumerated
 from eaid.findings.finding import MOST_TOLD, WORD
 from eaid.report import live
 from eaid.report.page import summary
-from eaid.report.page.summary import GRADES, Known, sentence
+from eaid.report.page.summary import GRADES, ByPart, sentence
 from eaid.report.results import EXPERIMENT_NAMES, Given, Results
-from eaid.report.tables import Name, Table, data, fits, gains, replays, sessions, shown, table_of
+from eaid.report.tables import Name, Table, cell_text, data, fits, gains, replays, sessions, table_of
 from eaid.sessions.compare import Comparison
 from eaid.shown import counted
 from eaid.version import __version__
@@ -85,7 +85,7 @@ class Block:
 
 def parts(results: Results, drawn: Figures) -> list[Block]:
     """The parts that have anything to show, in the order of the page."""
-    known = summary.known(results.main)
+    known = summary.known_findings(results.main)
     rehab = results.replay("rehab")
     others = [given.result for given in results.replays if given.result.head.scenario != "rehab"]
     tracked = [replay for replay in others if replay.head.scenario != "log"]
@@ -97,10 +97,10 @@ def parts(results: Results, drawn: Figures) -> list[Block]:
     shown = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "log_replay")
     again = Block("How to do it again", lines=tuple(commands(results)))
     every = [
-        _sessions(results, known, drawn),
-        _data(results, known, drawn),
-        _model(results, known, drawn),
-        _controller(results, known, drawn),
+        _sessions_part(results, known, drawn),
+        _data_part(results, known, drawn),
+        _model_part(results, known, drawn),
+        _controller_part(results, known, drawn),
         _part("Replay", known, shown, replayed) if others else None,
         _part("Rehabilitation", {}, _of(drawn, "fig16_rehab", "fig17_rehab_errors"), [replays.modes_table(rehab)])
         if rehab is not None
@@ -139,7 +139,7 @@ def _block(
     return [block] if block.count else []
 
 
-def _told(findings: Iterable[Finding], of_data: bool) -> tuple[tuple[str, str], ...]:
+def _sentences(findings: Iterable[Finding], of_data: bool) -> tuple[tuple[str, str], ...]:
     """Severity and sentence of each."""
     return tuple((found.severity, sentence(found, of_data)) for found in findings)
 
@@ -148,16 +148,16 @@ def _of_another_kind(results: Results, kind: str) -> tuple[tuple[str, str], ...]
     """What was found of a kind that the page is not about: it stands in that kind's own fold."""
     if kind == results.main_kind:
         return ()
-    known = summary.known(results.of_kind(kind))
-    return _told(known["data"], True) + _told(known["model"], False)
+    known = summary.known_findings(results.of_kind(kind))
+    return _sentences(known["data"], True) + _sentences(known["model"], False)
 
 
 def _part(
-    title: str, known: Known, figures: Sequence[PageFigure], tables: Iterable[Table], folds: Sequence[Block] = (),
+    title: str, known: ByPart, figures: Sequence[PageFigure], tables: Iterable[Table], folds: Sequence[Block] = (),
     open_figures: int = 1,
 ) -> Block:  # fmt: skip
     """A part with its first figures, its gravest findings and its first table; what else there is stands folded."""
-    findings = _told(known.get(title.lower(), ()), title == "Data")
+    findings = _sentences(known.get(title.lower(), ()), title == "Data")
     more = [Block("More to know", findings=findings[MOST_TOLD:])] if len(findings) > MOST_TOLD else []
     rows = [table for table in tables if table.rows]
     shown = [table for table in rows[:1] if len(table.rows) <= OPEN_ROWS]
@@ -165,7 +165,7 @@ def _part(
     return Block(title, tuple(figures[:open_figures]), tuple(shown), findings[:MOST_TOLD], folds=(*more, *folds))
 
 
-def _sessions(results: Results, known: Known, drawn: Figures) -> Block | None:
+def _sessions_part(results: Results, known: ByPart, drawn: Figures) -> Block | None:
     tables = [sessions.scatter_table(given.result) for given in results.rigs]
     tables += [sessions.changes_table(given.result) for given in results.comparisons]
     figures = _of(drawn, "sessions_chart", "sessions_compared")
@@ -173,7 +173,7 @@ def _sessions(results: Results, known: Known, drawn: Figures) -> Block | None:
     return found if found.figures or found.tables or found.findings else None
 
 
-def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
+def _data_part(results: Results, known: ByPart, drawn: Figures) -> Block | None:
     if not results.data and not known["data"]:
         return None
     of_main_kind = (given.result for given in results.data if given.result.kind == results.main_kind)
@@ -192,7 +192,7 @@ def _data(results: Results, known: Known, drawn: Figures) -> Block | None:
     return _part("Data", known, figures, tables, folds, max(1, len(figures) - 1))
 
 
-def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
+def _model_part(results: Results, known: ByPart, drawn: Figures) -> Block | None:
     kind = results.main_kind
     if not results.fits or kind is None:
         return None
@@ -209,7 +209,7 @@ def _model(results: Results, known: Known, drawn: Figures) -> Block | None:
     return _part("Model", known, figures, tables, folds, 4)
 
 
-def _controller(results: Results, known: Known, drawn: Figures) -> Block | None:
+def _controller_part(results: Results, known: ByPart, drawn: Figures) -> Block | None:
     tables, folds = [gains.walls_table(given.result) for given in results.couplings], []
     for k, given in enumerate(results.gains):
         controllers, checklist, *others = gains.tables_of(given.result)
@@ -344,7 +344,7 @@ def page(results: Results, drawn: Sequence[PageFigure], pictures: Sequence[PageF
     )  # fmt: skip
     made.filters["sign"] = signs
     return made.get_template("report.html.j2").render(
-        words=WORDS, grades=GRADES, called=WORD, shown=shown,
+        words=WORDS, grades=GRADES, called=WORD, shown=cell_text,
         title=summary.title(results),
         synthetic=results.synthetic,
         chips=summary.chips(results),

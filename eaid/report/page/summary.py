@@ -10,7 +10,7 @@ from eaid.errors import on_command_line
 from eaid.findings import Finding, enumerated, merged, ranked, say
 from eaid.findings.finding import MOST_TOLD
 from eaid.report.figures import replays, sessions, steps, values
-from eaid.report.figures.residuals import residuals
+from eaid.report.figures.residuals import residual_panels
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import EXPERIMENT_NAMES, Results
 from eaid.report.rig import level_text
@@ -30,10 +30,10 @@ MODEL_WORDS = {"friction": "friction curves", "nonlinear": "nonlinear model", "l
 # Findings of single runs that say how far the model is from them
 ABOUT_THE_CURVE = {"shape-misses", "other-shape-fits-better"}
 
-Known = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, the gravest first
+ByPart = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, the gravest first
 
 
-def known(results: Results) -> Known:
+def known_findings(results: Results) -> ByPart:
     """All findings of the results, sorted; those of one code as one."""
     found: dict[str, list[Finding]] = {
         "data": [one for data in results.data for one in data.result.all_findings], "model": [],
@@ -128,7 +128,7 @@ def chips(results: Results) -> tuple[str, ...]:
 def lights(results: Results) -> tuple[Light, ...]:
     """Sessions where there are any, data, model and controller at a glance; by the severity of what was found, never by
     its words."""
-    found = known(results.main)
+    found = known_findings(results.main)
     several = tuple(_sessions(results))
     if several and not (results.fits or results.gains or results.data):
         return several
@@ -152,14 +152,14 @@ def _sessions(results: Results) -> Iterator[Light]:
             yield Light("Recorded loop", "good" if found.promise.kept else "care", where, "summary")
     for rig in (given.result for given in results.rigs):
         said, told = rig.lines()[0].removeprefix("rig").strip(), ranked(merged(ranked(rig.findings)))
-        yield Light("Rig", _grade(told), f"{said}; {_counted(told)}", "sessions")
+        yield Light("Rig", _grade(told), f"{said}; {_count_findings(told)}", "sessions")
 
 
 def _grade(findings: Sequence[Finding]) -> str:
     return min((GRADES[found.severity] for found in findings), key=("bad", "care", "good").index, default="good")
 
 
-def _counted(findings: Sequence[Finding], unit: str = "") -> str:
+def _count_findings(findings: Sequence[Finding], unit: str = "") -> str:
     """`2 warnings: repeats disagree at 60 %, τ2 open`; the gravest are named."""
     grave = [found for found in findings if found.severity != "note"]
     counts = Counter(found.severity for found in grave)
@@ -173,7 +173,7 @@ def _counted(findings: Sequence[Finding], unit: str = "") -> str:
     return f"{said}: {', '.join(dict.fromkeys(names))}{', …' * (len(grave) > MOST_TOLD)}" if grave else "no warning"
 
 
-def _data(results: Results, known: Known) -> Light:
+def _data(results: Results, known: ByPart) -> Light:
     data, fit, findings = results.main_data, results.main_fit, known["data"]
     about = data if data is not None else fit.data if fit is not None and fit.data.sources else None
     if about is None:
@@ -183,10 +183,10 @@ def _data(results: Results, known: Known) -> Light:
     warned, grade = 0 if data is None else len(distinct(filter(is_warned, data.runs))), _grade(findings)
     text = f"{warned} of {counted(runs, 'run')} warned; " if warned else f"{counted(runs, 'run')}; "
     grade = "care" if warned and grade == "good" else grade
-    return Light("Data", grade, text + _counted(findings, about.input_unit), "data")
+    return Light("Data", grade, text + _count_findings(findings, about.input_unit), "data")
 
 
-def _model(results: Results, known: Known) -> Light:
+def _model(results: Results, known: ByPart) -> Light:
     fit = results.main_fit
     if fit is None:
         return Light("Model", "none", "no fit given", "appendix")
@@ -203,10 +203,10 @@ def _model(results: Results, known: Known) -> Light:
     usable = f"usable{f', not at {enumerated(left, fit.data.input_unit)}' if left else ''}"
     explains = "" if percent is None else f", fits {number(percent, 3)} %{unseen} (100 % = perfect)"
     lead = f"{usable}{explains}; "
-    return Light("Model", _grade(findings), lead + _counted(findings, fit.data.input_unit), "model")
+    return Light("Model", _grade(findings), lead + _count_findings(findings, fit.data.input_unit), "model")
 
 
-def _controller(results: Results, known: Known) -> Light:
+def _controller(results: Results, known: ByPart) -> Light:
     if not results.gains:
         return Light("Controller", "none", "no gains given", "controller" if results.fit("clutch") else "appendix")
     gains = results.gains[0].result
@@ -216,7 +216,7 @@ def _controller(results: Results, known: Known) -> Light:
     return Light("Controller", grade, ". ".join(said.rstrip(".") for said in guarantee_story(gains)), "controller")
 
 
-MARK = "Fit NOT USABLE: do not quote"
+NOT_USABLE_MARK = "Fit NOT USABLE: do not quote"
 
 
 def mark_of(results: Results) -> tuple[str, list[str]] | None:
@@ -225,7 +225,7 @@ def mark_of(results: Results) -> tuple[str, list[str]] | None:
     reasons += [one.result.not_usable or "" for one in results.gains]
     reasons += [why for replay in results.replays for why in replay.result.head.not_usable.values()]
     told = list(dict.fromkeys(on_command_line(why) for why in reasons if why))
-    return (MARK, told) if told else None
+    return (NOT_USABLE_MARK, told) if told else None
 
 
 SHOWN_SCENARIOS = ("multisine", "reference", "steps")  # Replays that are shown, the best first
@@ -286,5 +286,5 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
         if recorded.kind == fit.data.kind and steps.paired(recorded, fit.steps):
             panel = steps.level_steps_panel(recorded, fit.steps)
             yield "Steps, each by its own curve", "model", _picture([panel])
-    if (left := residuals(fit, data)) is not None:
+    if (left := residual_panels(fit, data)) is not None:
         yield "What the model leaves", "model", _picture(left.panels[:2], columns=2)

@@ -47,7 +47,7 @@ class Table:
     @cached_property
     def texts(self) -> tuple[tuple[str, ...], ...]:
         """The rows as texts."""
-        return tuple(tuple(map(shown, row, self.columns)) for row in self.rows)
+        return tuple(tuple(map(cell_text, row, self.columns)) for row in self.rows)
 
     @cached_property
     def numeric(self) -> tuple[bool, ...]:
@@ -76,7 +76,7 @@ class Table:
 
 ColumnHead = str | tuple[str, str] | tuple[str, str, int]  # Head, unit and digits of a column
 # A column: its head, and what it shows of an item: an attribute by name, or a function
-Part = tuple[ColumnHead, str | Callable[[T], Cell]]
+ColumnPart = tuple[ColumnHead, str | Callable[[T], Cell]]
 INTERVAL: ColumnHead = ("95 % interval", "", 3)
 NOT_KNOWN = "not known"
 
@@ -86,7 +86,7 @@ def columns(*heads: ColumnHead) -> tuple[Column, ...]:
     return tuple(Column(head) if isinstance(head, str) else Column(*head) for head in heads)
 
 
-def table_of(heading: str, caption: str, items: Iterable[T], *parts: Part[T] | None) -> Table:
+def table_of(heading: str, caption: str, items: Iterable[T], *parts: ColumnPart[T] | None) -> Table:
     """A table of one row an item and one column a part; a part that is None is left out."""
     heads, shows = zip(*(part for part in parts if part is not None), strict=True)
     calls = [attrgetter(show) if isinstance(show, str) else show for show in shows]
@@ -104,13 +104,13 @@ OUTSIDE = (
 )
 
 
-def outside(of: Callable[[T], Correlation]) -> tuple[Part[T], Part[T]]:
+def outside(of: Callable[[T], Correlation]) -> tuple[ColumnPart[T], ColumnPart[T]]:
     """Columns: lags at which residuals go with their own past, and with the input."""
-    own: Part[T] = ("lags outside: own past", lambda one: of(one).outside()[0])
+    own: ColumnPart[T] = ("lags outside: own past", lambda one: of(one).outside()[0])
     return own, ("lags outside: input", lambda one: of(one).outside()[1])
 
 
-def shown(cell: Cell, column: Column) -> str:
+def cell_text(cell: Cell, column: Column) -> str:
     """A cell of a column as text; an interval that the data do not tell, or one without width, is not known."""
     if cell is None and column.head == INTERVAL[0]:
         return NOT_KNOWN

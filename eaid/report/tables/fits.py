@@ -14,7 +14,7 @@ from eaid.results.models import Trend
 from eaid.shown import number
 
 
-def unit_of(fit: Fit, name: str) -> str:
+def unit_of_value(fit: Fit, name: str) -> str:
     """Unit of a fitted value."""
     return {"Ts": fit.data.output_unit, "C_f": "1"}.get(name, "s")
 
@@ -31,7 +31,7 @@ def levels_table(fit: Fit) -> Table:
          lambda one: Name(level(one.level) if not one.from_ else f"{level(one.from_)} → {level(one.level)}")),
         (("stress", "kPa", 3), "stress_kpa") if any(one.stress_kpa is not None for one in rows) else None,
         *(part for name in ("Ts", "tau1", "tau2") for part in (
-            ((SYMBOLS[name], unit_of(fit, name)), name), (INTERVAL, lambda one, name=name: ci95_of(one, name)))),
+            ((SYMBOLS[name], unit_of_value(fit, name)), name), (INTERVAL, lambda one, name=name: ci95_of(one, name)))),
         (("RMSE", out, 3), "rmse"),
         (("fit", "%", 3), "fit_pct") if any(one.fit_pct is not None for one in rows) else None,
     )  # fmt: skip
@@ -92,7 +92,7 @@ def trends_table(fit: Fit) -> Table:
     table = published.TABLE_I if force else published.TABLE_II
     return table_of(
         heading, caption, table,
-        ("parameter", lambda name: SYMBOLS.get(name, name)), ("unit", lambda name: unit_of(fit, name)),
+        ("parameter", lambda name: SYMBOLS.get(name, name)), ("unit", lambda name: unit_of_value(fit, name)),
         ("published", lambda name: table[name][0]) if of_paper else None,
         (("published RMSE", "", 3), lambda name: table[name][2]) if of_paper else None,
         ("ours", shown), (("our RMSE", "", 3), lambda name: trends[name].rmse if name in trends else None),
@@ -107,7 +107,7 @@ def table_iii(fit: Fit) -> Table:
     rows: list[tuple[Cell, ...]] = []
     names = (("a", "tau1"), ("b", "tau2"), ("c", "Ts"))
     for letter, name in names[:2] if part.Ts_through else names:
-        unit, per = unit_of(fit, name), fit.data.input_unit
+        unit, per = unit_of_value(fit, name), fit.data.input_unit
         printed, ends = published.TABLE_III[name], ci95_of(part, name) or ()
         for power, value in enumerate(getattr(part, name)):
             of = f"{SYMBOLS[name]}, u^{power}" if power else SYMBOLS[name]

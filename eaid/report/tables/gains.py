@@ -144,9 +144,9 @@ def controllers_table(gains: Gains) -> Table:
         slopes = f"K_P {number(one.K_P, 3)}, K_I {number(one.K_I, 3)}"
         told = Margin(one.stable, one.gain_db, one.phase_deg)
         title = COMPARED_ROWS.get(name, controller_name(name))
-        rows.append((title, slopes if held is None else _gains(name, held), _margin(told), one.max_abs_error_nm))
+        rows.append((title, slopes if held is None else _gains(name, held), _margin_cells(told), one.max_abs_error_nm))
     if not rows:
-        rows = [(controller_name(name), _gains(name, held), _margin(margins.worst.get(name)), None)
+        rows = [(controller_name(name), _gains(name, held), _margin_cells(margins.worst.get(name)), None)
                 for name, held in gains.controllers_by_name.items()]  # fmt: skip
     return table_of(
         "Controllers", f"Margins: the least over the held inputs. {comparison(gains)}".rstrip(), rows,
@@ -176,7 +176,7 @@ def tables_of(gains: Gains) -> list[Table]:
     least = [("least", None, margins.worst)] if margins.worst else []
     loops = [
         ((f"{controller_name(name)}: gain" if k == 0 else "phase", unit, 3),
-         lambda of, name=name, k=k: _margin(of[2].get(name))[k])
+         lambda of, name=name, k=k: _margin_cells(of[2].get(name))[k])
         for name in margins.worst for k, unit in enumerate(("dB", "°"))
     ]  # fmt: skip
     timing = margins.timing
@@ -237,7 +237,7 @@ def table_iv(gains: Gains) -> Table:
     )  # fmt: skip
 
 
-def _margin(one: Margin | None) -> tuple[Cell, Cell]:
+def _margin_cells(one: Margin | None) -> tuple[Cell, Cell]:
     if one is None:
         return None, None
     return ("unstable", "–") if one.stable is False else (one.gain_db, one.phase_deg)
