@@ -20,7 +20,7 @@ from eaid.errors import UsageError
 # Failures of writing that more room, or another disk, mends
 _NO_ROOM = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO}
 # Endings of recordings, besides .txt and .h5, which others have too
-LOGS = (".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".npy", ".npz")
+LOG_ENDINGS = (".gz", ".csv", ".tsv", ".dat", ".asc", ".lvm", ".mat", ".tdms", ".npy", ".npz")
 Ours = Callable[[Path, bytes], bool]  # (file, its first and last 4 kB) → whether a command made it
 KILLED_S = 3600  # Age from which what stands beside an output was left there by a writer that is gone
 SEAL = b"eaid-sha256:"

@@ -49,7 +49,7 @@ NEVER = math.inf, 0.0
 STIFFEST = 1e6  # [N·m/rad]; a wall beyond it is called without limit
 ALIASES = 12  # Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum
 BESIDE_RAD = 1e-4  # Where the limb is let go
-TURNS, MOST_SAMPLES = 20, 200_000  # Of a replay: swings, and samples beyond which none is made
+TURNS, MOST_WALL_SAMPLES = 20, 200_000  # Of a replay: swings, and samples beyond which none is made
 WALL_PER_LAG = 1000  # Samples in the fastest lag from which a rig is sampled no faster by itself …
 PER_LIMB = 20  # … nor in the limb's time J/b
 
@@ -204,7 +204,7 @@ def replayed_stiffness(
     swings at ω [rad/s]; None where it is not within a factor of two of that, or samples are too many in a swing."""
     slower = min(omega, math.sqrt(expected / options.limb_inertia))
     time_s = max(TURNS * 2 * math.pi / slower, 200 * timing.step_s)
-    if time_s > MOST_SAMPLES * timing.step_s:
+    if time_s > MOST_WALL_SAMPLES * timing.step_s:
         return None
 
     def rate(log_stiffness: float) -> float:

@@ -45,12 +45,12 @@ def fit_trend(x: Array, y: Array, over: str, form: TrendForm) -> Trend:
     if form == "linear":
         c = np.polyfit(x, y, 1)
     else:
-        c, converged, held = _fit(form, s, y / size, _rate_pairs(s, y / size, 4))
+        c, converged, held = _fit_one(form, s, y / size, _rate_pairs(s, y / size, 4))
         weights = np.abs(c[[0, 2], None] * np.exp(np.multiply.outer(c[[1, 3]], s)))
         if "rates-meet" in held or weights.sum(axis=0).max() > CANCEL:
             form = "merged-exponential"
             rate = min(RATES, key=lambda rate: _project(np.array([rate]), s, y / size)[0])
-            c, converged, held = _fit(form, s, y / size, [np.array([rate])])
+            c, converged, held = _fit_one(form, s, y / size, [np.array([rate])])
             rate, slope = c[2] / range_, c[1] / range_
             c = np.append(size * np.exp(-rate * origin) * np.array([c[0] - slope * origin, slope]), rate)
         else:
@@ -60,7 +60,7 @@ def fit_trend(x: Array, y: Array, over: str, form: TrendForm) -> Trend:
     return Trend(form, tuple(c.tolist()), over, float(np.sqrt(np.mean(left**2))), converged, held)
 
 
-def _fit(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, bool, tuple[str, ...]]:
+def _fit_one(form: str, s: Array, y: Array, starts: list[Array]) -> tuple[Array, bool, tuple[str, ...]]:
     """Coefficients on x scaled to 0…1. The weights are solved for; SLSQP sees the one or two rates alone."""
     if form == "double-exponential":
         A, b = np.array([[1.0, -1.0], [-1.0, 0], [0, 1.0]]), np.array([RATES_APART, -STEEPEST, -1.5 * STEEPEST])

@@ -35,7 +35,7 @@ FEWEST_IDLE = 4  # Runs whose idle time is known
 FEWEST_CREEP_SINGLES = 8  # Levels of a single run that tell a creep beside two curves of three coefficients
 GROWTH = (0.002, 0.005, 0.01, 0.02, 0.04)  # Of the highest output in a hold, that a creep may make: where it is begun
 BEST = 2  # Places from which it is solved
-ROUNDS, SETTLED = 20, 1e-2  # Steps in r, and the part of its standard error at which they end
+RATE_ROUNDS, SETTLED = 20, 1e-2  # Steps in r, and the part of its standard error at which they end
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def _solve_near(
     levels: Sequence[Level], data: Data, t0: Array, rate: float, x: Array, share: float | None
 ) -> tuple[float, Estimate, tuple[Array, Array]]:
     """The rate next to one, the estimate without it, and how sure C and the rate are."""
-    for _ in range(ROUNDS):
+    for _ in range(RATE_ROUNDS):
         moved = less_creep(data, rate, t0)
         near = Estimate(levels, fit_levels_first(moved, share, [x]))
         x, columns = near.solved.x, _creep_columns(near, t0)

@@ -24,7 +24,7 @@ from eaid.shapes.delay import usual_row_s
 from eaid.steps.stepset import Level, StepSet
 
 APART_CHANCE = 1e-3  # That noise alone makes starts scatter so
-LEAST_ROWS, LEAST_PART = 0.5, 0.03  # Rows, and part of the middle τ1, that starts scatter by at least: less smears none
+LEAST_ROWS, TAU1_PART = 0.5, 0.03  # Rows, and part of the middle τ1, that starts scatter by at least: less smears none
 
 
 class Starts(NamedTuple):
@@ -48,7 +48,7 @@ def find_starts_apart(scatter: Scatter) -> Starts | None:
     sd, row_s = float(np.sqrt(squares / degrees)), usual_row_s(scatter.levels)
     tau1 = median(np.array([curve.tau1 for curve in scatter.curves]))
     by_noise = float(chdtri(degrees, APART_CHANCE)) * noise / degrees
-    if not by_noise < squares < np.inf or sd < max(LEAST_ROWS * row_s, LEAST_PART * tau1):
+    if not by_noise < squares < np.inf or sd < max(LEAST_ROWS * row_s, TAU1_PART * tau1):
         return None
     middle = float(np.mean(np.concatenate([*shifts.values()])))  # which is a dead time
     shifts, slow = {u: own - middle for u, own in shifts.items()}, max(curve.tau1 for curve in scatter.curves)

@@ -33,7 +33,7 @@ from eaid.steps.stepset import Level, LevelStep, StepSet
 OFF_REST = 0.02  # Part of its change by which the output at a step's begin is off the rest its log began with
 TAIL_MATTERS = 0.003  # Part of its level's output by which a tail moves a step, from which all are taken off
 TAILS_SETTLED = 1e-4  # The same, by which those of two rounds may differ
-ROUNDS, FARTHEST_BACK = 25, (-4.0, 0.9)  # And, as a part of the last step, how far a secant may lead on or back
+SETTLE_ROUNDS, FARTHEST_BACK = 25, (-4.0, 0.9)  # And, as a part of the last step, how far a secant may lead on or back
 FALL_ROWS = 200  # Rows of a fall, denser at its begin, by which its time constants are found
 
 
@@ -175,7 +175,7 @@ def settle_tails(
     plant of steps with tails, and without them. Rounds that run away end at the last that did not."""
     supposed, rounds, falls = find_tails(plant, stepset), list[tuple[Tails, Tails]](), Falls(release)
     settled = supposed, plant, falls
-    for _ in range(ROUNDS):
+    for _ in range(SETTLE_ROUNDS):
         plant = refit(supposed, take_off_tails(stepset, plant, supposed))
         falls = release_behind_tails(plant, stepset, falls.release)
         plant = with_release(plant, falls.release)

@@ -16,7 +16,7 @@ from eaid.arrays import Array, median
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.data import Data, data_of, explains_little
-from eaid.estimate.own_level import AT_REST
+from eaid.estimate.own_level import RESTING
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.findings import Finding, finding, merged, ranked
@@ -57,7 +57,7 @@ from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level, StepSet
 
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
-ODD = 0.01  # Probability at which a good repeat would be said to lie off the others
+ODD_REPEAT = 0.01  # Probability at which a good repeat would be said to lie off the others
 Sets = tuple[StepSet, StepSet]  # Steps as they were recorded, and the same behind their dead time
 # Findings that no creep leaves behind it
 WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike", "polynomials-too-low")
@@ -398,7 +398,7 @@ def no_steps(scatter: Scatter) -> list[Finding]:
     pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
     little = {one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])}
     tops = {one.level: float(np.abs(block_means(one.mean)).max()) for one in scatter.levels}
-    still = {u for u in little if tops[u] <= AT_REST * max(tops.values())}
+    still = {u for u in little if tops[u] <= RESTING * max(tops.values())}
     found = {"output-stays-at-rest": sorted(still), "curve-explains-little": sorted(little - still)}
     return [finding(code, "friction", levels) for code, levels in found.items() if levels]
 
@@ -417,7 +417,7 @@ def odd_repeats(scatter: Scatter) -> list[Finding]:
         off_all = [scatter.runs[i].shift[:, k] - (0.0 if sweeps is None else sweeps) for i in rows]
         squares = sum(float(d @ d) / size[i] ** 2 for i, d in zip(rows, off_all, strict=True))
         degrees = sum(len(d) - 1 for d in off_all) - (1 if sweeps is None else len(sweeps) - 1)
-        limit = float(stdtrit(degrees, 1 - ODD / 4 / sum(map(len, off_all)))) if degrees > 0 else np.inf
+        limit = float(stdtrit(degrees, 1 - ODD_REPEAT / 4 / sum(map(len, off_all)))) if degrees > 0 else np.inf
         groups = [([i], d) for i, d in zip(rows, off_all, strict=True)] if sweeps is None else [(rows, sweeps)]
         for at, d in groups:
             r, scale = int(np.abs(d - median(d)).argmax()), float(np.sqrt(np.mean(size[at] ** 2) / len(at)))

@@ -23,7 +23,7 @@ from eaid.logs.table import LogTable
 from eaid.logs.units import TIME_FACTORS, TIME_UNITS, declared_unit, divisor, numbers_samples, split_name, unit_of
 from eaid.options import ReadOptions
 
-OFF = 0.05  # Share by which two clocks may differ: no clock drifts so far, and units differ by 24 and more
+CLOCKS_OFF = 0.05  # Share by which two clocks may differ: no clock drifts so far, and units differ by 24 and more
 CLOCK_BLOCKS = 20
 # What a clock counts that began at a fixed day, how many of it a second, and its first stamps of our time [s]
 CLOCKS = (
@@ -100,14 +100,14 @@ def _agree(one: Clock, other: Clock) -> bool:
         finest = max(finest, median(rises) if len(rises) < len(steps) else 0.0)
     at = whole[np.linspace(0, len(whole) - 1, CLOCK_BLOCKS).astype(np.intp)]
     a, b = np.diff(one.time_s[at]), np.diff(other.time_s[at])
-    return bool(median(np.abs(a - b) - OFF * np.maximum(a, b)) <= 2 * finest)
+    return bool(median(np.abs(a - b) - CLOCKS_OFF * np.maximum(a, b)) <= 2 * finest)
 
 
 def _clocks_contradict(path: str, time: Clock, other: Clock) -> DataError:
     """That two columns of time contradict each other, and what to do."""
     a, b = (float(np.nanmax(one.time_s)) for one in (time, other))
     counts = time.factor * b / a  # seconds in one unit of the first, if the second is right
-    likely = next((unit for unit, size in TIME_FACTORS.items() if abs(math.log(counts / size)) < OFF), "")
+    likely = next((unit for unit, size in TIME_FACTORS.items() if abs(math.log(counts / size)) < CLOCKS_OFF), "")
     own = next((unit for unit, size in TIME_FACTORS.items() if math.isclose(size, time.factor)), "s")
     other_right = f"«units» time={likely}" if likely else f'«columns» time="{other.column}" «units» time=UNIT'
     return DataError(

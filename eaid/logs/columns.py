@@ -25,7 +25,7 @@ class Group(NamedTuple):
     names: tuple[str, ...]
 
 
-TIME = (
+TIME_NAMES = (
     Group("s", ("time", "t", "zeit", "tijd", "temps", "tiempo", "tempo", "elapsed", "elapsedtime", "xvalue")),
     Group("s", ("timestamp", "seconds", "sec", "secs", "s", "ms", "us", "millis", "micros", "minutes", "hours", "days",
                 "clock", "datetime", "posixtime", "unixtime", "epoch")),
@@ -209,7 +209,7 @@ def _time(path: str, table: LogTable, taken: set[int]) -> int | None:
     if table.clock is not None:
         return table.clock
     names = table.columns
-    for group in TIME:
+    for group in TIME_NAMES:
         clocks = _alike(names, group.names, taken)
         if len(clocks) > 1:
             units = {i: split_name(names[i])[1] for i in clocks}  # `T [degC]` is a temperature

@@ -30,7 +30,7 @@ from eaid.version import __version__
 SCHEMA = "eaid/data/1"
 # Each dataset's name and the field of `Run`; the columns that every run has, and those that some have
 DATASET_COLUMNS = {"time_s": "time_s", "input": "input", "torque_nm": "output"}
-MORE = {"reference_nm": "reference_nm", "position": "position"}
+BESIDE = {"reference_nm": "reference_nm", "position": "position"}
 INGEST_AGAIN = "ingest the logs again"
 
 
@@ -81,7 +81,7 @@ def write_dataset(
         folder = file.create_group("runs")
         for run in runs:
             group = folder.create_group(run.name.replace("/", "_"))
-            for name, field in (DATASET_COLUMNS | MORE).items():
+            for name, field in (DATASET_COLUMNS | BESIDE).items():
                 if (values := getattr(run, field)) is not None:
                     group.create_dataset(
                         name, data=np.asarray(values, dtype=np.float64), chunks=(min(len(values), 1 << 17),),
@@ -141,7 +141,7 @@ def _read_run(group: h5py.Group, shared: Run, repair: bool) -> Run:
     where = shared.where
     try:
         columns = {
-            field: read_only(group[name][()]) for name, field in (DATASET_COLUMNS | MORE).items() if name in group
+            field: read_only(group[name][()]) for name, field in (DATASET_COLUMNS | BESIDE).items() if name in group
         }
         stored = attributes(group)
     except (OSError, RuntimeError, ValueError, TypeError):

@@ -20,7 +20,7 @@ import msgspec
 
 from eaid.declared import given_options
 from eaid.errors import DataError, UsageError
-from eaid.files import LOGS, is_as_written, written_whole
+from eaid.files import LOG_ENDINGS, is_as_written, written_whole
 from eaid.logs.formats import format_of
 from eaid.logs.table import plain
 from eaid.logs.text import has_table, lines_of
@@ -88,7 +88,7 @@ def _sorted_out(folder: Path) -> tuple[list[Path], list[str]]:
 def _kind_in_folder(path: Path) -> str:
     """log, Excel, data or replay of a file in a folder, by its ending, first bytes, or rows of numbers in a text."""
     ending = path.suffix.lower()
-    if ending in LOGS:
+    if ending in LOG_ENDINGS:
         return "log"
     try:
         if is_as_written(path):

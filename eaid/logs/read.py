@@ -15,7 +15,7 @@ import numpy as np
 from eaid.arrays import median
 from eaid.declared import forms, given_options
 from eaid.errors import DataError, UsageError
-from eaid.files import LOGS, is_as_written, sha256_of
+from eaid.files import LOG_ENDINGS, is_as_written, sha256_of
 from eaid.findings import Finding, finding
 from eaid.logs.folders import files_of
 from eaid.logs.formats import ForeignReader, format_of, unread
@@ -108,7 +108,7 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
         raise DataError(f"{source}: is {unread(head)}")
     sha256 = sha256_of(path)
     name = path.name
-    for ending in (*LOGS, ".txt", ".h5", ".hdf5", ".xlsx"):
+    for ending in (*LOG_ENDINGS, ".txt", ".h5", ".hdf5", ".xlsx"):
         name = name[: -len(ending)] if name.lower().endswith(ending) else name
     if not form.reader:
         return _runs_of(name or path.name, source, sha256, read_text(path, source), options, path.name)

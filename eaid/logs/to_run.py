@@ -29,7 +29,7 @@ LARGEST_NM = 1000.0  # Torque beyond any clutch that a bench holds [N·m]: a col
 TOO_COARSE = 0.2  # Part of the stamps that repeat the one before, from which they tell no time
 # Of an input of alternating sign: part by which its size may be off the level, part of the rows that are at it or at
 # rest, turns, changes of its size for each of these, and correlations of the output with it and with its size
-ALIKE, ALTERNATES, FEWEST_TURNS, HELD_PART, GOES_WITH = 0.02, 0.95, 10, 0.25, (0.2, 0.5)
+SEEN_ALIKE, ALTERNATES, FEWEST_TURNS, HELD_PART, GOES_WITH = 0.02, 0.95, 10, 0.25, (0.2, 0.5)
 MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
@@ -127,9 +127,9 @@ def alternates(input_: Array, output: Array, level: float | None) -> bool:
     if turns < FEWEST_TURNS or not np.isfinite(size).all() or np.ptp(output) == 0:
         return False
     if level is not None:
-        still = (np.abs(size - level) <= ALIKE * level) | (size <= ALIKE * level)
+        still = (np.abs(size - level) <= SEEN_ALIKE * level) | (size <= SEEN_ALIKE * level)
         return float(still.mean()) >= ALTERNATES
-    if np.count_nonzero(np.abs(np.diff(size)) > ALIKE * size.max()) > HELD_PART * turns:
+    if np.count_nonzero(np.abs(np.diff(size)) > SEEN_ALIKE * size.max()) > HELD_PART * turns:
         return False
     by_size, by_sign = (float(np.corrcoef(one, output)[0, 1]) for one in (size, input_))
     return by_size > GOES_WITH[1] and abs(by_sign) < GOES_WITH[0]

@@ -79,7 +79,7 @@ from eaid.results.recorded import FallTest, KindTried
 BEYOND_REACHED = 3.0  # Times the output that was reached, beyond which no T_s is believed
 OPEN_TS = 0.2  # Relative half-width beyond which T_s is open
 LITTLE_BY_KIND_PCT = 15.0  # Of a log that a kind has to explain
-LEFT = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
+LEFT_BY_KIND = 0.04  # Part of the squares about the mean that a kind may leave that takes the place of such a clutch
 AS_WELL = 4.0  # Squares over those of a clutch whose T_s is open, up to which another kind is taken in its place
 AS_MUCH = 2.0  # Unknowns' worth of noise by which the clutch's form may leave more than the same with another C
 MOSTLY = 0.9  # Part of the squares left that is white noise, from which on it is taken off them
@@ -88,11 +88,11 @@ LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind
 # noise saves with its further unknowns (χ²) in so many cases
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
 # A free C from which one beyond 1 is tried, with which that begins, and how many times slower its slow part is
-AT_ONE, OVERSHOOTS, SLOWER = 0.999, 1.2, (5.0, 15.0)
+AT_ONE, OVERSHOOTS, TWICE_SLOWER = 0.999, 1.2, (5.0, 15.0)
 FAR_LESS = 0.7  # Squares over those of the clutch, up to which an overshoot explains far more: drifts imitate others
 DRIFT_ROUNDS = 3  # In which drifts of gains are found
 ALL_INPUTS = 11  # Inputs over which a form is laid out
-FARTHEST, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
+FARTHEST_PATTERN, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
@@ -274,7 +274,7 @@ def rank_beside_clutch(
     first = rows[0]
     if own is first and all_inputs:
         simple = next(one for one in rows if one is not own)
-        explains = simple.cost <= LEFT * sum(squares_about_mean(log) for log in logs)
+        explains = simple.cost <= LEFT_BY_KIND * sum(squares_about_mean(log) for log in logs)
         well = simple.cost <= AS_WELL * own.cost
         if (explains and lies_beyond_outputs(own.solved, inputs)) or (well and leaves_Ts_open(own.solved, inputs)):
             first = simple
@@ -472,7 +472,7 @@ def quick_cost(search: Search) -> float:
         costs = search.costs([delayed(drive, theta) for drive in search.drives], shapes)[:, 0].tolist()
         rows += [(cost, tau, theta) for cost, (tau, _) in zip(costs, shapes, strict=True)]
     least, tau, theta = min(rows)
-    apart = FARTHEST
+    apart = FARTHEST_PATTERN
     while apart > NEAREST:  # between these, by a pattern that halves
         factor = 1 + apart
         around = ((tau * factor, theta), (tau / factor, theta), (tau, theta * factor), (tau, theta / factor))
@@ -572,7 +572,7 @@ def fit_overshoot(clutch: Solved) -> Solved | None:
         return None
     pair, ends = replace(setup, model=replace(model, share=None, kind="pair")), []
     tau1 = model.tau1.rows(model.tau2.inputs) @ free.x[one]
-    for times in SLOWER:
+    for times in TWICE_SLOWER:
         x = free.x.copy()
         x[gain] *= model.share if endless else 1.0
         x[two] = np.linalg.solve(model.tau2.rows(model.tau2.inputs), times * tau1)

@@ -102,7 +102,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog, fitted: RecordedLog) -> L
 
 STEP_RECORDS = 3.0  # Levels' own linear models are of steps of the fitted model, so many of its longest τ2 long …
 LONGEST_STEP_S = 60.0  # … and no longer than this
-STEP_SAMPLES = 2000
+STEPS_ROWS = 2000
 
 
 def data_of_logs(
@@ -191,7 +191,7 @@ def linear_of_logs(
     p = replace(plant_found(base), dead_time_s=0.0)  # steps from rest of it to each level, behind its dead time
     slowest = p.slowest_s(levels)
     longest = LONGEST_STEP_S if p.kind == "parallel" else np.inf  # a τ2 that no log shows may be endless
-    t = np.linspace(0.0, min(STEP_RECORDS * slowest, longest), STEP_SAMPLES)
+    t = np.linspace(0.0, min(STEP_RECORDS * slowest, longest), STEPS_ROWS)
     of_model = data_of([Level(u, t, from_rest(p, t, u)[None], (f"{u:g}",)) for u in levels.tolist()])
     rows = single_levels(of_model, [fit_linear(of_model.only([i])) for i in range(len(levels))])
     no_data = {"rmse": None, "sse": None, "fit_pct": None, "R2": None}  # of the model's own steps

@@ -29,7 +29,7 @@ FUNCTIONS, OF_SIZE = 5 + len(PLAYS), 3  # Of the input, and those of its size am
 MUCH = 0.15  # Part of the residuals' squares, beyond chance
 CLEAR_SD = 5.0  # Errors of the slope: of random walks, with models fitted to them, 4.3 at most (40), of rigs 8 at least
 WINDOWS = (0.0, 0.05, 0.2, 0.5)  # Of the slowest lag, over which both are averaged before; that counts which shows most
-FEWEST_MEANS, MOST_MEANS, MOST_ROWS = 100, 20_000, 200_000
+FEWEST_MEANS, MOST_MEANS, MOST_COUNTED_ROWS = 100, 20_000, 200_000
 LEFT_SEEN = 0.03  # Part of the output's standard deviation that the part explained has at least
 
 
@@ -42,7 +42,7 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
     size, parts, sums = 0.0, [], np.zeros((2 * FUNCTIONS + 1, 2 * FUNCTIONS + 1))
     for log, r in zip(logs, solved.missed, strict=False):
         known, dt_s = np.isfinite(log.output), log.usual_s
-        rows = max(1, len(r) // MOST_ROWS)
+        rows = max(1, len(r) // MOST_COUNTED_ROWS)
         columns = np.stack([*(means_of(one[known], rows) for one in functions_of(log, theta_s, tau_s, dt_s)),
                             means_of(r, rows)], axis=1)  # fmt: skip
         columns -= columns.mean(axis=0)

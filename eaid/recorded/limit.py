@@ -17,8 +17,8 @@ from eaid.recorded.from_logs import idle_found, plant_found, start_states
 from eaid.steps.noise import sample_noise, stretches
 
 NEAR, LARGEST = 4.0, 0.995  # Deviations of the noise about the largest value, which is a quantile of the output
-FEWEST_ROWS, LEAST_SHARE = 20, 0.02  # Rows of a stretch at the largest value, and part of all rows in such stretches
-BEFORE, STEEP = 5, 8.0  # Rows before a stretch over which the output rises by so many deviations of the noise
+AT_LIMIT_ROWS, AT_LIMIT = 20, 0.02  # Rows of a stretch at the largest value, and part of all rows in such stretches
+RISE, STEEP = 5, 8.0  # Rows before a stretch over which the output rises by so many deviations of the noise
 LEAST_BEYOND = 0.03  # Part of the largest value by which the plant goes beyond it there
 
 
@@ -30,11 +30,11 @@ def without_largest(log: RecordedLog) -> RecordedLog:
     noise, top = sample_noise(y), float(np.quantile(y, LARGEST))
     limit = median(y[y > top - NEAR * noise])
     starts, stops = stretches(y > limit - NEAR * noise)
-    long = (stops - starts >= FEWEST_ROWS) & (starts >= BEFORE)
+    long = (stops - starts >= AT_LIMIT_ROWS) & (starts >= RISE)
     starts, stops = starts[long], stops[long]
-    if not len(starts) or (stops - starts).sum() < LEAST_SHARE * len(y):
+    if not len(starts) or (stops - starts).sum() < AT_LIMIT * len(y):
         return log
-    if median(y[starts] - y[starts - BEFORE]) < STEEP * noise:
+    if median(y[starts] - y[starts - RISE]) < STEEP * noise:
         return log
     there = y > limit - NEAR * noise
     share_pct = 100 * float(there.mean())

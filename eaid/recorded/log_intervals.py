@@ -31,7 +31,7 @@ from eaid.recorded.late import differ_by_a_row
 from eaid.steps.stepset import Level
 
 BINS = 16_384  # Derivatives and residuals are first added up over so many short bins of a log, at most
-QUICK_LAGS, MOST_ROWS = 16, 10**6  # Lags of a correlation that are looked at first; rows in which all are
+QUICK_LAGS, ALL_LAG_ROWS = 16, 10**6  # Lags of a correlation that are looked at first; rows in which all are
 SMOOTH_PART = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
 LEAST_LEFT = 0.25  # A line keeps at least this part of its power
 SMALL_OUTPUT = 9.0  # An output is small or large beside its mean square over this
@@ -183,8 +183,8 @@ def correlation_s(r: Array, dt_s: float) -> float:
         return 0.5 * dt_s
     rho = np.array([float(r[k:] @ r[: n - k]) for k in range(min(QUICK_LAGS, n))])  # a tenth of the time of all lags
     if rho.min() >= 0.05 * rho[0] and n > QUICK_LAGS:
-        if n > MOST_ROWS:  # what lasts for so many rows is seen in means of some
-            return correlation_s(means_of(r, -(-n // MOST_ROWS)), -(-n // MOST_ROWS) * dt_s)
+        if n > ALL_LAG_ROWS:  # what lasts for so many rows is seen in means of some
+            return correlation_s(means_of(r, -(-n // ALL_LAG_ROWS)), -(-n // ALL_LAG_ROWS) * dt_s)
         rho = np.fft.irfft(np.abs(np.fft.rfft(r, 2 * n)) ** 2)[:n]
     below = np.flatnonzero(rho < 0.05 * rho[0])
     end = int(below[0]) if len(below) else n
@@ -209,7 +209,7 @@ FEWEST_ENGAGEMENTS = 4  # Fewest engagements whose scatter counts
 GAINS_CHANCE = 1e-3  # Gains that noise makes so different more rarely than this are told
 # Part by which a log that is told lies off the others, by chance as rarely as this; how engagements scatter at least,
 # and where too few tell it
-LEAST_LOG_PART, LOG_CHANCE, LEAST_SCATTER, USUAL_SCATTER = 0.03, 0.01, 0.002, 0.02
+LEAST_LOG_PART, LOG_CHANCE, LEAST_SCATTER, USUAL_GAIN_SD = 0.03, 0.01, 0.002, 0.02
 LEAST_LOAD = 0.02  # An engagement with less than this part of the mean ∫ T² tells no gain
 
 
@@ -252,7 +252,7 @@ def log_that_differs(solved: Solved, names: Sequence[str]) -> list[Finding]:
     gains = [gain[loaded] for _, _, _, gain, loaded in (gains_of_engagements(solved, k) for k in range(len(names)))]
     spare = sum(len(one) - 1 for one in gains)
     within = sum(float(((one - one.mean()) ** 2).sum()) for one in gains) / max(spare, 1)
-    within = max(within, LEAST_SCATTER**2) if spare >= FEWEST_ENGAGEMENTS else USUAL_SCATTER**2
+    within = max(within, LEAST_SCATTER**2) if spare >= FEWEST_ENGAGEMENTS else USUAL_GAIN_SD**2
     means, counts = np.array([one.mean() for one in gains]), np.array([len(one) for one in gains])
     off = [mean - float(np.delete(means, k).mean()) for k, mean in enumerate(means)]
     errors = [np.sqrt(within * (1 / counts[k] + float((1 / np.delete(counts, k)).sum()) / (len(means) - 1) ** 2))

@@ -8,9 +8,9 @@ import numpy as np
 
 from eaid.arrays import Array, median
 from eaid.estimate.own_level import (
-    AT_REST,
     LAG_OFF,
     NO_SCATTER,
+    RESTING,
     find_levelled_off,
     gains_of_runs,
     levels_about,
@@ -93,7 +93,7 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
     by_curve = bool(flat) or not levels
     told = [*flat, *levels_scatter(line, u, own, curve, by_curve)]
     found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told, through, by_curve and bool(told))
-    if still := [level for level, (_, high) in zip(u.tolist(), found.ends, strict=True) if high <= AT_REST * Ts.max()]:
+    if still := [level for level, (_, high) in zip(u.tolist(), found.ends, strict=True) if high <= RESTING * Ts.max()]:
         told.append(msgspec.structs.replace(finding("output-stays-at-rest", "nonlinear", still), severity="caution"))
     return found
 

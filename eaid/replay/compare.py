@@ -31,7 +31,7 @@ from eaid.results.recorded import LogFit
 from eaid.results.replay import Metrics, Record
 from eaid.shown import pandas
 
-START_ROWS = 20_000  # Most rows from which the start of a loaded run is estimated
+MOST_START_ROWS = 20_000  # Most rows from which the start of a loaded run is estimated
 LEAST_COMPARED_ROWS = 10
 TELLS_APART = 50.0  # Condition of the two decays below which both parts of the start are estimated
 
@@ -43,7 +43,7 @@ def start_of(plant: Plant, time_s: Array, duty_pct: Array, torque_nm: Array) -> 
     too short to tell the two apart, they are as after a long hold.
     """
     changed = np.flatnonzero(duty_pct != duty_pct[0])
-    last = min(int(changed[0]) + 1 if len(changed) else len(duty_pct), START_ROWS)
+    last = min(int(changed[0]) + 1 if len(changed) else len(duty_pct), MOST_START_ROWS)
     numbers, since, duty = plant_numbers(plant), time_s[:last] - time_s[0], float(duty_pct[0])
     ends = np.array(plant_rest(numbers, plant_terms(numbers, duty)[2]))
     rest = np.array(plant_rest(numbers, 1.0))

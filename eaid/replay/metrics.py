@@ -31,7 +31,7 @@ from eaid.results.gains import Tracking
 from eaid.results.replay import Metrics, StepMetrics, ToneMetrics
 
 MOST_SWINGS = 10  # Of an input from limit to limit, for each turn of the reference, from which it cycles
-LIMITED, OFF = 0.4, 0.02  # Share of the time at a limit of the input; errors that count, of the highest reference
+LIMITED, ASIDE = 0.4, 0.02  # Share of the time at a limit of the input; errors that count, of the highest reference
 
 
 def lay_at_limit(name: str, columns: Mapping[str, Array], limits: tuple[float, float]) -> list[Finding]:
@@ -42,7 +42,7 @@ def lay_at_limit(name: str, columns: Mapping[str, Array], limits: tuple[float, f
     swings, turns = (int(np.count_nonzero(np.diff(one[one != 0]))) for one in (ends, np.sign(np.diff(wanted))))
     if swings > MOST_SWINGS * (turns + 1):
         return [finding("controller-cycles", name, count=swings, turns=turns)]
-    off = np.abs(wanted - columns["torque_nm"]) > OFF * np.abs(wanted).max()
+    off = np.abs(wanted - columns["torque_nm"]) > ASIDE * np.abs(wanted).max()
     share = float((((duty <= limits[0]) | (duty >= limits[1])) & off).mean())
     return [finding("controller-at-limit", name, share_pct=100 * share)] if share >= LIMITED else []
 

@@ -51,7 +51,7 @@ from eaid.results.plant import falls_between
 
 OPEN_PART = 1.01  # By which B may lie outside of its range, and nothing is said
 LATER = 0.1  # Part of the dead time by which loops that are designed for a later one say so
-SETTLINGS, STEP_SAMPLES = 5.0, 200_000  # Of a PI's step behind a dead time, that are watched; samples at most
+SETTLINGS, MOST_STEP_SAMPLES = 5.0, 200_000  # Of a PI's step behind a dead time, that are watched; samples at most
 LARGEST_INPUT = 1e9
 PLANTS = 100  # Plants of the next session by which φ is judged
 
@@ -133,7 +133,7 @@ class Task:
         if not dead_s:
             return overshoot_pct, settling_s
         watched_s = SETTLINGS * min(settling_s, SETTLINGS * slow_s) + SETTLINGS**2 * dead_s
-        dt_s = max(self.timing.step_s, watched_s / STEP_SAMPLES)
+        dt_s = max(self.timing.step_s, watched_s / MOST_STEP_SAMPLES)
         gain, far = self.model.b0 / self.model.a0, (0.0, LARGEST_INPUT)  # of both signs, without an end
         plant = Plant((slow_s,), (slow_s,), (0.0, gain), far, C=1.0, Ts_below=(0.0, -gain), dead_time_s=dead_s)
         free = pi._replace(duty_min=-np.inf, duty_max=np.inf)

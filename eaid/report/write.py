@@ -11,7 +11,7 @@ from eaid.files import written_whole
 from eaid.options import ReportOptions
 from eaid.progress import Progress, no_progress
 from eaid.report import paper
-from eaid.report.figures import FIGURES
+from eaid.report.figures import CATALOGUE
 from eaid.report.live import live_of
 from eaid.report.page import Block, PageFigure, page, parts
 from eaid.report.page.summary import mark_of, pictures
@@ -27,9 +27,9 @@ def write_report(
     given: Results, folder: Path, options: ReportOptions, force: bool = False, progress: Progress = no_progress
 ) -> tuple[Path, tuple[str, ...]]:
     """Write `folder`/report.html and `folder`/figures, all of it or nothing; the page, and the figures by name."""
-    rows = tuple(row for row in FIGURES if not options.figures or row.name.startswith(options.figures))
+    rows = tuple(row for row in CATALOGUE if not options.figures or row.name.startswith(options.figures))
     if unknown := [name for name in options.figures if not any(row.name.startswith(name) for row in rows)]:
-        known = ", ".join(row.name for row in FIGURES)
+        known = ", ".join(row.name for row in CATALOGUE)
         raise UsageError(f"«figures» {','.join(unknown)}: no such figure; there are {known}")
     refuse_to_overwrite_report(folder, force)
     mark = mark_of(given)
@@ -107,5 +107,5 @@ def refuse_to_overwrite_report(folder: Path, force: bool) -> None:
 
 def files_in(folder: Path) -> list[Path]:
     """The page and the figures of a report that a folder holds."""
-    names = {f"{row.name}.{kind}" for row in FIGURES for kind in ("png", "pdf", "svg")}
+    names = {f"{row.name}.{kind}" for row in CATALOGUE for kind in ("png", "pdf", "svg")}
     return [*folder.glob(FILE), *(path for path in sorted(folder.glob(f"{FOLDER}/*")) if path.name in names)]

@@ -38,7 +38,7 @@ from eaid.shown import Plotted, pandas
 MOVED_CHANCE = 0.05
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
 # A dead time is another from so much of τ1 on, the share of the fast part from so much
-LEAST_LATE, LEAST_SHARE = 0.05, 0.03
+LEAST_LATE, LEAST_WORSE = 0.05, 0.03
 CALLED = SYMBOLS | {"held": "held output", "peak": "peak"}
 
 
@@ -225,7 +225,7 @@ def plant_moved(letter: str, one: Fit, other: Fit) -> list[Finding]:
     if one.plant_ is None or other.plant_ is None:
         return []
     found = []
-    for name, symbol, unit, apart in (("dead_time_s", "dead time", " s", LEAST_LATE), ("C", "C", "", LEAST_SHARE)):
+    for name, symbol, unit, apart in (("dead_time_s", "dead time", " s", LEAST_LATE), ("C", "C", "", LEAST_WORSE)):
         (a, a_ends), (b, b_ends) = ((getattr(p, name), getattr(p.ci95, name, None)) for p in (one.plant_, other.plant_))
         (a_low, a_high), (b_low, b_high) = a_ends or (a, a), b_ends or (b, b)
         least = apart * (float(one.plant.time_constants(one.plant.u_range[1])[0]) if name != "C" else 1.0)

@@ -25,7 +25,7 @@ from eaid.sessions.model import steps_known
 from eaid.sessions.rig import Rig
 
 LOOK_S = 0.5  # From one look at the folder to the next [s]
-STILL, UNFINISHED = 1, 12  # Looks for which a file has to stand still, and one whose last row is not ended
+WAITS, UNFINISHED = 1, 12  # Looks for which a file has to stand still, and one whose last row is not ended
 ROWS_END = {".csv", ".txt", ".tsv", ".dat", ".log", ".lvm"}  # Logs whose rows end in a new line
 State = tuple[int, float]
 
@@ -46,7 +46,7 @@ def whole_files(paths: Sequence[Path], silence_s: float) -> Iterator[Path]:
                 paused[file] = max(paused[file], still[file] + 1)
             still[file] = still[file] + 1 if same else 0
         pending = [file for file, state in now.items() if done.get(file) != state]
-        fresh = [file for file in pending if still[file] >= max(STILL, 2 * paused[file]) and ended(file, still[file])]
+        fresh = [file for file in pending if still[file] >= max(WAITS, 2 * paused[file]) and ended(file, still[file])]
         quiet_s = 0.0 if now != before or pending else quiet_s + LOOK_S
         before = now
         done |= {file: now[file] for file in fresh}

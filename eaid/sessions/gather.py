@@ -20,7 +20,7 @@ from eaid.results.fit import Fit
 from eaid.results.models import CurveLevel, LevelIntervals
 from eaid.shown import pandas
 
-RIG = "the rig"  # What a fit of today is held against, which says itself what it foresees
+RIG_NAME = "the rig"  # What a fit of today is held against, which says itself what it foresees
 NO_RIG = 30.0  # Factor between T_s of two sessions that is another unit: mountings differ by 4
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
@@ -131,7 +131,7 @@ def told_together(fits: Mapping[str, Fit]) -> list[Finding]:
             faults.append(f"{name}: holds {path}{more}, which {before} holds too; a log is of one session")
     for name in others:
         size = _times(fits[first], fits[name])
-        if first != RIG and not 1 / NO_RIG <= size <= NO_RIG:
+        if first != RIG_NAME and not 1 / NO_RIG <= size <= NO_RIG:
             faults.append(
                 f"{name}: its T_s is {size:.3g} times that of {first}, which no mounting makes of a rig: was one of "
                 "them recorded in another unit? say it with «units» output=UNIT where it is fitted"

@@ -25,7 +25,7 @@ from eaid.arrays import Array, link
 from eaid.estimate.mixed import Further, MixedLine, MixedValues, fit_restricted
 from eaid.sessions.gather import EXACT, MANY
 
-FARTHEST = 50.0  # Half-width of ln θ beyond which nothing is said
+WIDEST_SAID = 50.0  # Half-width of ln θ beyond which nothing is said
 TOLD = 1.92  # In log L: more than chance gives one parameter in 19 of 20 cases
 NEW = -1  # The session that is still to come
 
@@ -86,7 +86,7 @@ class Next:
     @property
     def reach(self) -> Array:
         """Half-width of the 95 % intervals of ln θ, (q,)."""
-        return np.minimum(stdtrit(self.dof, 0.975) * np.sqrt(np.diag(self.covariance)), FARTHEST)
+        return np.minimum(stdtrit(self.dof, 0.975) * np.sqrt(np.diag(self.covariance)), WIDEST_SAID)
 
     @property
     def ends(self) -> Array:

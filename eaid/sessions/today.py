@@ -28,7 +28,7 @@ from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
 from eaid.results.parameters import parameters_of
 from eaid.results.responses import LevelResponse, ResponseIntervals, responses_of
-from eaid.sessions.gather import MANY, RESPONSES, RIG, logs_of, told_together, values_of_fit
+from eaid.sessions.gather import MANY, RESPONSES, RIG_NAME, logs_of, told_together, values_of_fit
 from eaid.sessions.model import NO_STEPS, KnownValues, Next, between, steps_known
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
@@ -59,7 +59,7 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     if again := [one for one in logs_of(shown) if one.sha256 in names]:
         was = names[again[0].sha256]
         raise DataError(f"{again[0].path}: is a log of session {was} already; give a step of the new session")
-    told_together({RIG: base, "today": shown})
+    told_together({RIG_NAME: base, "today": shown})
     steps = {name: _steps(rig, shown, name) for name in rig.quantities}
     if not len(steps["Ts"].y):
         raise DataError("no reference step has a T_s above 0; record one whose output rises")

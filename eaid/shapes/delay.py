@@ -39,7 +39,7 @@ from eaid.steps.stepset import Level, LevelStep, StepSet
 SAVED = 0.1  # Part of the RMSE that a dead time has to save at a level
 LEVELS_ASKED = 10  # Levels that are asked
 LONGEST_DELAY_PART = 0.9  # Part of a record that a dead time may take
-START_ROWS, LEAST_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
+START_ROWS, LEAST_LATE_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
 START_CHANCE = 0.01  # By which the runs' scatter may explain it
 LEAST_ROWS_BEHIND = 8  # Of a level or release behind its dead time
 SURE_ROWS = 0.2  # Rows that the form of the curve leaves open
@@ -160,7 +160,7 @@ def _judge_starts(found: Array, levels: Sequence[Level]) -> Begin:
     """The mean of rows of dead time, weight and time constant, (n, 3); 0 where scatter or the rows explain it."""
     theta, weight, tau = found.T
     (mean, reach), row_s = _mean(theta, weight, levels), usual_row_s(levels)
-    if abs(mean) < max(START_ROWS * row_s, LEAST_PART * median(tau), reach):
+    if abs(mean) < max(START_ROWS * row_s, LEAST_LATE_PART * median(tau), reach):
         return Begin()
     if mean > 0:
         return _begin_late(mean, reach)

@@ -25,7 +25,7 @@ BEGINS_LATE = 20.0  # Gain of squares, in variances of the noise, from which a r
 ERRORS = 3.0  # Of an instant, from which an output has left its rest before it
 FALLS = 4, 24  # An output is let go, at once or not, where it falls within so many of twice `MEANS` blocks …
 HELD, LEFT = 0.6, 0.25  # … from this share of its peak to that, and stays below for a twentieth of the log
-STEPS = 5  # Of Gauss and Newton
+NEWTON_STEPS = 5  # Of Gauss and Newton
 GROUP = 8  # Means whose mean tells how far the noise is from white
 
 
@@ -91,7 +91,7 @@ def _on_grid(t: Array, y: Array) -> tuple[tuple[float, float], float]:
 def _refined(t: Array, y: Array, at: float, tau: float) -> tuple[float, float]:
     """The instant of least squares, by a few steps from that of the grid, and its standard error by what is left."""
     ones, ends = np.ones_like(t), []
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         since = np.maximum(t - at, 0.0)
         g, slope = rise(since, tau), (t > at) * decay(since, tau) / tau
         (c, A), *_ = np.linalg.lstsq(np.stack((ones, g), axis=1), y, rcond=None)

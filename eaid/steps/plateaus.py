@@ -20,7 +20,7 @@ OFFSET = 0.05  # Share of its largest value within which a measured input counts
 GLITCH = 2  # Samples up to which an input that leaves its level and comes back has taken no step
 BACK = 0.5  # Share of a range by which values have to come back for a turn
 AT_REST_BELOW = 0.02  # An input below this part of its largest is at rest
-COMMANDED, MEASURED = 0.02, 0.1  # Parts of the largest input by which two inputs differ: a measured one wanders
+COMMANDED, AS_MEASURED = 0.02, 0.1  # Parts of the largest input by which two inputs differ: a measured one wanders
 SIGNED = 0.05  # Part of the largest input by which it has to go to either side of rest to have both signs
 STILL, NOISE_MOST = 6.0, 0.3  # Deviations of a held input's noise that are no input, and part of the largest
 AWAY = 0.05  # A stretch under load that spends more than this part of its time away from its own middle is no step
@@ -118,7 +118,7 @@ def stands_still(holds: list[Plateau], values: Array) -> bool:
 
 # Levels of a sweep at least, the longest hold over the shortest, and the part of its step by which an output may still
 # move from the second to the last quarter of a hold
-SWEPT_LEVELS, AS_LONG, MOVES_ON = 3, 1.3, 0.2
+SWEEP_LEVELS, AS_LONG, MOVES_ON = 3, 1.3, 0.2
 
 
 def switching(values: Array) -> float | None:
@@ -164,7 +164,7 @@ def fitted_as(run: Run, rest: float = 0.0) -> Literal["steps", "sweep", "recorde
     if min(float(signed.max()), -float(signed.min())) > max(SIGNED * top, noise) or (loaded.all() and still):
         return "recorded"  # of both signs, or from level to level without ever coming to rest
     starts, ends = stretches(loaded)
-    apart = (MEASURED if is_measured(run) else COMMANDED) * top
+    apart = (AS_MEASURED if is_measured(run) else COMMANDED) * top
     held = [level[a:b] for a, b in zip(starts, ends, strict=True)]
     if sum(int((np.abs(one - median(one)) > apart).sum()) for one in held) > AWAY * int(loaded.sum()):
         return "steps" if len(holds) == 2 and still else "recorded"  # two holds are a step
@@ -180,7 +180,7 @@ def is_sweep(output: Array, levels: Sequence[float], starts: NDArray[np.intp], e
     """Whether a log goes from rest to several levels and holds each as long, until its output has all but settled: what
     a step has left when the next begins can be told, and is taken off its steps (`levels/tails.py`)."""
     lasts, moved = ends - starts, []
-    if len(set(np.round(np.array(levels) / max(levels), 3).tolist())) < SWEPT_LEVELS:
+    if len(set(np.round(np.array(levels) / max(levels), 3).tolist())) < SWEEP_LEVELS:
         return False
     for start, end in zip(starts, ends, strict=True):
         rows = max(1, (end - start) // 4)

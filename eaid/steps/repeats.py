@@ -24,13 +24,13 @@ from eaid.steps.noise import block_noise, noise_beside_ripple, stretches
 from eaid.steps.step import sample_at, usual_step
 
 KNOWN_WELL = 100  # Pairs whose number tells how it falls from row to row
-CHANCE = 1e-4  # A block that chance makes no more often is a copy
+COPY_CHANCE = 1e-4  # A block that chance makes no more often is a copy
 FEWEST_BLOCK_ROWS = 5  # Of a block: whether fewer are noise or a curve cannot be told
 MIXES = np.uint64(0x9E3779B97F4A7C15)  # An odd number without pattern (2⁶⁴ over the golden ratio)
 ROUGH = 0.25  # Share of its rows at which a block turns, at least: noise turns at half of them and more, curves at few
 NEIGHBOURS_COMPARED = 60  # Runs of a level that each is compared with: those next to it by their means
 # Samples before and behind a step that are compared: long logs take no more time and memory than that
-BEFORE, BEHIND = 2_000, 20_000
+ROWS_BEFORE, ROWS_BEHIND = 2_000, 20_000
 LEAST_COMMON = 20  # Samples in common below which nothing is compared
 SINGLE = 1e-6  # Rounding of a single-precision float
 COPIES_ALIKE = 0.5  # Standard deviations of the noise within which no two recordings agree in all of their samples
@@ -78,7 +78,7 @@ def copied_block(values: Array) -> Copy | None:
     steps = np.diff(values[at : at + rows])
     turns = np.count_nonzero(steps[1:] * steps[:-1] < 0)
     by_chance = pairs * (fall or (3 / pairs) ** (1 / width)) ** (rows - known)
-    copied = by_chance <= CHANCE and rows >= FEWEST_BLOCK_ROWS and turns >= ROUGH * rows
+    copied = by_chance <= COPY_CHANCE and rows >= FEWEST_BLOCK_ROWS and turns >= ROUGH * rows
     return Copy(at, rows, later) if copied else None
 
 
@@ -126,8 +126,8 @@ def _output_of(run: Run) -> _Output:
     at = 0 if run.step_s is None else sample_at(run, run.step_s)
     if run.step_s is None and len(run.input):
         at = int((np.abs(run.input - run.input[:1]) > 0.1 * np.ptp(run.input)).argmax())
-    begin = max(0, at - BEFORE)
-    values = run.output[begin : at + BEHIND]
+    begin = max(0, at - ROWS_BEFORE)
+    values = run.output[begin : at + ROWS_BEHIND]
     gaps = np.diff(np.unique(values))
     digit = float(gaps.min()) if len(gaps) else 0.0  # the least by which two of its values differ
     rounding = 0.6 * digit + SINGLE * float(np.abs(values).max(initial=0.0))

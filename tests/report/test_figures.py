@@ -9,7 +9,7 @@ import pytest
 from matplotlib.text import Text
 
 import eaid
-from eaid.report.figures import FIGURES
+from eaid.report.figures import CATALOGUE
 from eaid.report.paper import figure_of, look
 from eaid.report.results import gathered
 
@@ -20,7 +20,7 @@ T = np.linspace(0, 20, 401)
 
 def drawn(name, *results):
     """A figure of the catalogue with its words; None where its data were not given."""
-    (row,) = [one for one in FIGURES if one.name == name]
+    (row,) = [one for one in CATALOGUE if one.name == name]
     sheet = row.sheet(gathered(results))
     with look():
         return sheet and SimpleNamespace(figure=figure_of(sheet), sees=row.sees, title=row.title)
@@ -64,7 +64,7 @@ def given(files, others, tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [row.name for row in FIGURES if not row.name.startswith("sessions")])
+@pytest.mark.parametrize("name", [row.name for row in CATALOGUE if not row.name.startswith("sessions")])
 def test_letters_are_whole_units_are_named_and_widths_are_a_journals(name, given):
     ready = next(filter(None, (drawn(name, *results) for results in given)))
     figure = ready.figure

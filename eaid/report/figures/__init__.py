@@ -39,7 +39,7 @@ def _recorded(results: Results) -> Fit | None:
     return next((one.result for one in results.fits if one.result.recorded is not None), None)
 
 
-_fit, _data, _replay = (partial(methodcaller, name) for name in ("fit", "data_of", "replay"))
+_fit, _of_data, _replay = (partial(methodcaller, name) for name in ("fit", "data_of", "replay"))
 _CLUTCH = _fit("clutch")
 
 
@@ -48,7 +48,7 @@ FREE_RUN = "The model is driven by the recorded input alone (free run); of many 
 TRACKED_CAPTION = "Errors are reference minus output; a shaded band holds 95 % of drawn plants, where there are any."
 
 # In the order of the page
-FIGURES: tuple[Drawing, ...] = (
+CATALOGUE: tuple[Drawing, ...] = (
     Drawing("fig02_pwm", "Fig. 2 · One PWM period",
         "The voltage alternates in sign, so that no charge builds up; the ideal torque does not depend on the sign.",
         (_all,), values.pwm_period, of_the_fit=False),
@@ -58,7 +58,7 @@ FIGURES: tuple[Drawing, ...] = (
     Drawing("recorded_logs", "Logs as recorded", FREE_RUN, (_recorded,), replays.recorded_logs),
     Drawing("fig07_nonlinear_model", "Fig. 7 · Nonlinear model",
         "Broad: mean of the repeats, shaded ± one standard deviation (sd); dashed: the model, where one was fitted.",
-        (_data("clutch"), _all), steps.nonlinear_model),
+        (_of_data("clutch"), _all), steps.nonlinear_model),
     Drawing("residuals", "Residuals",
         "What the model leaves: over time; with itself a lag later, shaded where white noise lies in 19 of 20 lags; "
         "against the input.", (attrgetter("main_fit"), _all),
@@ -70,7 +70,7 @@ FIGURES: tuple[Drawing, ...] = (
         (_all,), steps.level_step_panels, of_the_fit=False),
     Drawing("fig08_linear_model", "Fig. 8 · Linear model",
         "Broad: mean of the repeats; dashed: one model of all levels, left out where it ends below zero.",
-        (_data("clutch"), _CLUTCH), steps.linear_model),
+        (_of_data("clutch"), _CLUTCH), steps.linear_model),
     Drawing("fig09_shear_per_field", "Fig. 9 · Shear stress over the electric field",
         "The square is this clutch at its highest level; the lines are half, equal and twice its stress per field.",
         (_CLUTCH,), values.shear_per_field),
