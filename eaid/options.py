@@ -31,7 +31,7 @@ ROLES = ("time", "input", "output", "reference", "position")
 EXCITATIONS = ("random", "staircase", "chirp", "closed-loop")
 
 READING, STEPS, MODEL, RECORDED = "Reading logs", "Finding steps", "Model", "Logs fitted as recorded"
-ROBUST, PI, RIG, ADVANCED = "Robust controller", "PI controller", "Rig", "Advanced"
+ROBUST, OF_PI, RIG, ADVANCED = "Robust controller", "PI controller", "Rig", "Advanced"
 WHAT, MORE, REHAB, CHANCE = "What is replayed", "More plants", "Rehabilitation", "Chance"
 LIMB, LOOP = "The limb and the wall", "The loop as it runs"
 LOGS, WHEN, HOW, INPUTS = "What is recorded", "Times", "Disturbances", "Other inputs than steps"
@@ -204,10 +204,10 @@ class TuneOptions(Chance):
     q_max: float | None = option(None, "Q_M, largest slope of the reference; by itself 5 N·m/s.", ROBUST)
     phi: Literal["data"] | float | None = option(None, "By itself 0.05; data: by the model.", ROBUST)
     pi_gains: Pair | None = option(
-        None, "Its gains; by itself designed from the fit, the paper's are 21,360.", PI, shown="K_P,K_I", **ANY
+        None, "Its gains; by itself designed from the fit, the paper's are 21,360.", OF_PI, shown="K_P,K_I", **ANY
     )
-    pi_overshoot: float | None = option(None, "Or designed: overshoot on the linear model [%].", PI, **ANY)
-    pi_settling: float | None = option(None, "And settling time, 2 % band [s].", PI, **ANY)
+    pi_overshoot: float | None = option(None, "Or designed: overshoot on the linear model [%].", OF_PI, **ANY)
+    pi_settling: float | None = option(None, "And settling time, 2 % band [s].", OF_PI, **ANY)
     duty_limits: Pair | None = option(None, "By itself 0,100 % or as identified.", RIG, shown="LOW,HIGH")
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself 1000.", RIG, **RATE)
     pwm_hz: float | None = option(None, "Duty latched at [Hz]; 0: off; by itself the fit's, else 300.", RIG)

@@ -1,5 +1,6 @@
 """What surrounds the code: the workflows, the hooks before a commit, the site's contents, the one version."""
 
+import ast
 import importlib.util
 import re
 import shutil
@@ -90,3 +91,21 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
     built = ran(sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(tmp_path))
     assert built.returncode == 0, built.stderr
     assert (tmp_path / "reference" / "commands" / "index.html").is_file()
+
+
+# Rows of one table, tables of sentences, two ways to draw, entry points, type variables
+SEVERAL = {"ROWS", "R", "T", "__all__", "_name_ends", "design", "law", "main", "tables_of"}
+
+
+def test_a_name_has_one_meaning() -> None:
+    """What one module defines no other does; a command has its name in the API, on the command line and in its room."""
+    modules: dict[str, set[Path]] = {}
+    for path in (ROOT / "eaid").rglob("*.py"):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", node)]
+            parts = [part for one in targets for part in (one.elts if isinstance(one, ast.Tuple) else [one])]
+            for part in parts:
+                name = getattr(part, "id", None) or getattr(part, "name", None)
+                if isinstance(name, str) and path.name != "reference.py":  # the program of an export, which is alone
+                    modules.setdefault(name, set()).add(path)
+    assert not {name for name, where in modules.items() if len(where) > 1} - SEVERAL - set(dir(eaid))

@@ -12,7 +12,7 @@ highest, all keep their edge value. Constraints, specification 3: τ1 ≥ 1 ms, 
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -118,6 +118,7 @@ class Model:
         np.maximum(theta[1:3], LEAST_TAU_S, out=theta[1:3])
         return theta
 
+    @lru_cache(maxsize=16)  # noqa: B019 - a fit asks for them at each of its weights
     def limits(self, longest_s: float, shortest_s: float = 0.0) -> Constraints:
         """The constraints; times are the longest record and the shortest between two samples [s]."""
         Ts, tau1, tau2, C = self.rows(self.limited)

@@ -295,7 +295,8 @@ def polish(
     """
     x, evaluations = end.x, end.evaluations + 1
     cost, gradient = problem.value(x)
-    step = newton_step(problem, x, gradient, problem.curvature(x))
+    curvature = problem.curvature(x)
+    step = newton_step(problem, x, gradient, curvature)
     for _ in range(steps):
         if step.decrease <= finished * cost:
             break
@@ -307,8 +308,9 @@ def polish(
                 break
         else:
             break
+        curvature = curvature if step.decrease <= SOLVE_SETTLED * cost else problem.curvature(reached)
         x, cost, gradient = reached, lower, slope
-        step = newton_step(problem, x, gradient, problem.curvature(x))
+        step = newton_step(problem, x, gradient, curvature)
     predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
     if step.decrease <= SOLVE_SETTLED * cost and (np.abs(step.d) <= LAST_STEP_PART * np.abs(x)).all():
         x = draw_back_inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do
