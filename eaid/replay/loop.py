@@ -141,7 +141,7 @@ def reference_rate(reference_nm: Array, dt_s: float, looks_ahead: bool) -> Array
 def replay(
     plant: PlantNumbers, controller: Controller, reference_nm: Array, rig: RigExtras, dt_s: float, seed: int = 0
 ) -> dict[str, Array]:
-    """What one controller does on one plant, from rest, as `columns_of` has it; reference in N·m at intervals of dt_s
+    """What one controller does on one plant, from rest, as `loop_columns` has it; reference in N·m at intervals of dt_s
     [s], shape (n,), n ≥ 2."""
     inputs = Course(*(column.tolist() for column in inputs_of(controller, reference_nm, rig, dt_s, seed)))
     filled = [[0.0] * len(reference_nm) for _ in range(4)]

@@ -72,7 +72,7 @@ def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
 
 
 def read_replay_file(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
-    """A file of `SCHEMA`, groups in the file's order, and findings about what was left out; DataError where a value has
+    """A file of `REPLAY_SCHEMA`, groups in the file's order, and findings about what was left out; DataError where a value has
     another type than its key."""
     left_out: list[Finding] = []
     with open_hdf5(path, str(path)) as file:

@@ -1,4 +1,4 @@
-"""Which of the curves of one step (`step_curves`) a record has, by least squares from the best places of a grid.
+"""Which of the curves of one step (`step_curve`) a record has, by least squares from the best places of a grid.
 
 By AICc with the number of independent samples; the paper's form stands unless another is better by `BETTER`.
 """
