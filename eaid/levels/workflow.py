@@ -406,8 +406,8 @@ def no_steps(scatter: Scatter) -> list[Finding]:
 def odd_repeats(scatter: Scatter) -> list[Finding]:
     """One repeat of three or more whose τ1 or τ2 lies off the others', at one level, or in sweeps at all of them.
 
-    Its distance to the others' mean against the scatter of all runs but it, a t test at `ODD_REPEAT` in all; in sweeps against
-    what is left of the levels, and `SWEEPS_APART` times what the other sweeps lie apart.
+    Its distance to the others' mean against the scatter of all runs but it, a t test at `ODD_REPEAT` in all; in sweeps
+    against what is left of the levels, and `SWEEPS_APART` times what the other sweeps lie apart.
     """
     findings = []
     for k, name in ((1, "tau1"), (2, "tau2")):

@@ -2,7 +2,7 @@
 input was noted late.
 
 Looked for on the first rise to each level, on a grid with the sizes solved for; where it saves a good part of what is
-left at most levels, each of these steps is fitted with a dead time of its own (`step_shapes`), and the plant's is their
+left at most levels, each of these steps is fitted with a dead time of its own (`shape.py`), and the plant's is their
 mean, each weighed by how sharply its output leaves rest: (change/(τ1 · RMSE))².
 
 Where none is found so, the rises are extrapolated to their start: of every run y = A (1 − e^(−(t − θ)/τ)) is fitted to

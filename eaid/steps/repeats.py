@@ -98,7 +98,7 @@ def _longer(kinds: NDArray[np.uint64], rows: int) -> NDArray[np.uint64]:
 
 
 def _comes_again(kinds: NDArray[np.uint64], moves: NDArray[np.intp]) -> bool:
-    """Whether any stretch of `FEWEST_BLOCK_ROWS` that does not stand still comes twice, by the numbers of single rows."""
+    """Whether a stretch of `FEWEST_BLOCK_ROWS` that does not stand still comes twice, by the numbers of single rows."""
     for _ in range(FEWEST_BLOCK_ROWS - 1):
         kinds = _longer(kinds, 1)
     moving = np.sort(kinds[moves[FEWEST_BLOCK_ROWS - 1 :] > moves[: 1 - FEWEST_BLOCK_ROWS]])
