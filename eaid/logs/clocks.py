@@ -1,8 +1,8 @@
 """Columns of time: their unit, as the user, the header or the numbers say it, and time from the start of a log.
 
 Where several columns tell a time, both are taken at the ends of `CLOCK_BLOCKS` equal parts of the log. They contradict
-each other where, in most parts, what one says to have passed differs from what the other says by more than `CLOCKS_OFF` of
-the longer, and by more than both resolve.
+each other where, in most parts, what one says to have passed differs from what the other says by more than `CLOCKS_OFF`
+of the longer, and by more than both resolve.
 """
 
 import contextlib

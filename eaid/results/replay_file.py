@@ -72,8 +72,8 @@ def write_replay(path: Path, replay: Replay, force: bool = False) -> None:
 
 
 def read_replay_file(path: Path) -> tuple[Replay, tuple[Finding, ...]]:
-    """A file of `REPLAY_SCHEMA`, groups in the file's order, and findings about what was left out; DataError where a value
-    has another type than its key."""
+    """A file of `REPLAY_SCHEMA`, groups in the file's order, and findings about what was left out; DataError where a
+    value has another type than its key."""
     left_out: list[Finding] = []
     with open_hdf5(path, str(path)) as file:
         content = {key: _plain_attribute(value, path, key) for key, value in file.attrs.items()}
