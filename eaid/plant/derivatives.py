@@ -13,15 +13,15 @@ Dead times are any number of samples: `eaid.plant.drive.delayed` puts the change
 
 import math
 
-import numba
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.plant.drive import AT_DEAD, AT_EXCESS, AT_FALL, AT_IDLE, AT_REST, AT_SHARE, AT_START, Drive, Integers, Tables
 from eaid.plant.dynamics import swing
+from eaid.plant.machine_code import machine_code
 
 
-@numba.njit(cache=True, error_model="numpy")
+@machine_code()
 def acting_tau(
     tau: float, falls: bool, rest: float, at_rest: float, factor: float
 ) -> tuple[float, float, float, float]:
@@ -33,7 +33,7 @@ def acting_tau(
     return tau, 1.0, 0.0, 0.0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@machine_code(nogil=True, fastmath={"contract"})
 def derivatives(
     drive: Drive, tables: Tables, scalars: Array, place: Integers, state: Array, first_row: int, end: int
 ) -> Array:
@@ -105,10 +105,10 @@ def at_first(scalars: Array, place: Integers, count: int) -> Array:
     return np.column_stack([sens, scalars[AT_START:], np.zeros(2)])
 
 
-swung = numba.njit(cache=True, error_model="numpy")(swing)
+swung = machine_code()(swing)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@machine_code()
 def by_damping(zeta: float, s: float, c: float, n: float) -> tuple[float, float]:
     """∂c/∂ζ and ∂n/∂ζ of `swing`: ζ s n − s c, and ζ (s c − n)/(ζ² − 1) − s n."""
     d = zeta * zeta - 1.0
@@ -121,7 +121,7 @@ def by_damping(zeta: float, s: float, c: float, n: float) -> tuple[float, float]
     return zeta * s * n - s * c, zeta * meets - s * n
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@machine_code(nogil=True, fastmath={"contract"})
 def swinging(
     drive: Drive, tables: Tables, scalars: Array, place: Integers, state: Array, first_row: int, end: int
 ) -> Array:

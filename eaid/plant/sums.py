@@ -3,15 +3,15 @@
 They are all that is needed to solve for it at given time constants (variable projection), one pass over the log.
 """
 
-import numba
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.plant.derivatives import swung
 from eaid.plant.drive import Drive
+from eaid.plant.machine_code import machine_code
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@machine_code(nogil=True, fastmath={"contract"})
 def linear_sums(drive: Drive, by_steady: Array, tau1: Array, tau2: Array, share: Array) -> Array:
     """Σ w s s' of K shapes, (K, n + 4, n + 4), for τ1 and τ2 of every input, (K, m), and C, (K,).
 
@@ -38,7 +38,7 @@ def linear_sums(drive: Drive, by_steady: Array, tau1: Array, tau2: Array, share:
     return sums
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@machine_code(nogil=True)
 def swinging_sums(drive: Drive, gains: Array, tau: float, zeta: float) -> Array:
     """Σ w s s', (6, 6), of two lags in series or ringing: s the answer to the different `gains` of the inputs, idle
     output, both states at the first row; of the state's rate the answer; then y."""
@@ -74,7 +74,7 @@ def lag_sums(drive: Drive, taus: Array) -> Array:
     return sums
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@machine_code(nogil=True)
 def lagged(values: Array, dt_s: float, tau: float) -> Array:
     """Columns of values at equal steps, (n, k), behind one lag that has settled at the first row."""
     gone, found = -np.expm1(-dt_s / tau), values.copy()
@@ -92,7 +92,7 @@ def unforeseen(values: Array, coefficients: Array) -> Array:
     return left
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@machine_code(nogil=True)
 def follow_play(values: Array, width: float) -> Array:
     """What follows values through a play of a width, (n,): it moves where they have crossed the gap."""
     found, at = values.copy(), values[0]

@@ -4,11 +4,9 @@ Every plant meets the same noise, so that plants differ by their parameters alon
 plant and on no thread: the same seed gives the same numbers on one thread and on many, those of plain Python.
 
 Every plain function that the loop calls is registered with numba, so that compiled code may call it; the loop itself is
-a closure around a law. numba keeps what it compiles on disk in a file of the function's name, which holds a fingerprint
-of all sources: what another version left there is never opened.
+a closure around a law.
 """
 
-import hashlib
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -19,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numba
 import numpy as np
 from numba.extending import register_jitable
 
@@ -28,6 +25,7 @@ from eaid.control.kinds import CONTROLLER_ROWS, ControllerStep
 from eaid.options import RigExtras
 from eaid.plant import dynamics
 from eaid.plant.dynamics import Plant, plant_numbers
+from eaid.plant.machine_code import compiled
 from eaid.replay import controllers, loop
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import rig_numbers
@@ -46,17 +44,9 @@ for _module in MODULES:
 
 
 @cache
-def compiled(law: ControllerStep) -> Any:
+def loop_compiled(law: ControllerStep) -> Any:
     """`closed_loop` of one law in machine code, kept on disk where there is a folder that numba may write to."""
-    sources = hashlib.sha256()
-    for file in (__file__, *(str(module.__file__) for module in MODULES)):
-        sources.update(Path(file).read_bytes())
-    function = loop.loop_of(law)
-    function.__qualname__ += f"_{sources.hexdigest()[:16]}"
-    try:
-        return numba.njit(error_model="numpy", nogil=True, cache=True)(function)
-    except RuntimeError:
-        return numba.njit(error_model="numpy", nogil=True)(function)
+    return compiled(loop.loop_of(law), map(Path, (__file__, *(str(module.__file__) for module in MODULES))), nogil=True)
 
 
 QUANTILES = (0.0, 0.025, 0.25, 0.5, 0.75, 0.975, 1.0)
@@ -79,7 +69,7 @@ def montecarlo(
     kept = np.empty((len(wanted[shown]), len(plants)))
     measured = np.empty((len(Tracking.__struct_fields__), len(plants)))
 
-    inputs, run = loop.inputs_of(controller, wanted, rig, dt_s, seed), compiled(controller.step)
+    inputs, run = loop.inputs_of(controller, wanted, rig, dt_s, seed), loop_compiled(controller.step)
 
     def single(index: int) -> None:
         plant, filled = plant_numbers(plants[index]), tuple(np.zeros((4, len(wanted))))
