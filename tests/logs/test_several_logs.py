@@ -291,6 +291,15 @@ def test_columns_without_a_name_that_says_it_are_proposed(name, run_eaid, tmp_pa
         assert [one.level for one in eaid.read("data.h5").levels] == [9.0]
 
 
+def test_what_was_tried_is_not_proposed_again(run_eaid, tmp_path, monkeypatch):
+    """More rows are bad than «repair» drops, and the unit that would be guessed is given."""
+    monkeypatch.chdir(tmp_path)
+    bad = np.where((T > 3) & (T < 4), np.nan, SPEED)
+    (tmp_path / "log.csv").write_text(text("Time,PWM,Speed", T, 255 * (STEP > 0), bad).lstrip("\n"))
+    ran = run_eaid("fit", "log.csv", "--columns", "input=PWM,output=Speed", "--units", "input=/255", "--repair")
+    assert ran.code == 3 and "record it again" in ran.err and "try:" not in ran.err
+
+
 def test_columns_of_an_array_file_are_proposed_as_those_of_a_text(run_eaid, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     np.save("log.npy", np.stack([T, STEP, SPEED], axis=1))
