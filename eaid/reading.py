@@ -115,8 +115,8 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
     asked = "columns" in more or "/255" in units.values()
     if len(more) + len(repair) < 2 and not asked:  # the refusal says it already
         return ""
-    given |= repair | more
-    return typed(given) if given != dict(options.stated()) else ""  # what was tried already
+    proposed = given | repair | more
+    return typed(proposed) if proposed != given else ""  # what was tried already
 
 
 def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:

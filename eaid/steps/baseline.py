@@ -22,6 +22,7 @@ REST_ERRORS = 4.0  # Standard errors beyond which a rest counts as moving
 NOISE_FLOOR = 0.02
 RELEASED_CHANCE = 1e-5  # Probability at which a rest that lasts until its step counts as left before it
 GROUPS = 6  # Groups of samples, at least, that tell how far means of so many samples lie apart
+BENT = 5.0  # Deviations of the noise over √n by which lines through n first samples and half of them part: 2.5 errors
 BURST = 1.2  # The last group of samples is off where it lies this many times as far out as the farthest of the others
 SIZES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 512, 1024)
 
@@ -138,10 +139,16 @@ def without_spikes(hold: Array, change: float) -> tuple[Array, int]:
 
 
 def first_samples(active: Array) -> float:
-    """Output at the start of a record that begins with its step: its first sample, or where noise counts a few."""
+    """Output at the start of a record that begins with its step: its first sample, or where noise counts a line through
+    a few, so few that half of them lead to nearly the same: behind a bend a line does not lead back."""
     change = float(np.ptp(block_means(active)))
     noise = sample_noise(active)
     few = min(max(1, len(active) // 100), math.ceil((noise / (0.005 * change)) ** 2)) if change > 0 else 1
-    if few < 4:
-        return float(active[: max(1, few)].mean())
-    return float(active[:few].mean() - fit_line(np.arange(few), active[:few]).slope * (few - 1) / 2)
+    while few >= 8 and abs(_led_back(active[:few]) - _led_back(active[: few // 2])) > BENT * noise / math.sqrt(few):
+        few //= 2
+    return float(active[0]) if few < 4 else _led_back(active[:few])
+
+
+def _led_back(values: Array) -> float:
+    """Where a line through some values begins."""
+    return float(values.mean() - fit_line(np.arange(len(values)), values).slope * (len(values) - 1) / 2)

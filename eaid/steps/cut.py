@@ -43,6 +43,7 @@ NO_STEP = "record the idle time before the step too, or give the step instant wi
 NEAR_EDGE = 0.1  # Share of a log within which its output answers to what switches it
 WITH = 0.01  # Share of a log within which another channel moves with the step
 CUT_BLOCKS = 4000  # Means of a position, between which its turns are looked for
+BEGINS_AT = 0.1  # Share of its change by which an output may lie off its rest where a log begins with its step
 AT_ONCE = 0.2  # Share of the time to its rise that an output under a constant input may rest, which is a dead time
 SLOWS = 0.8  # Share of its usual speed below which a stroke slows down
 WANDERS = 0.15  # Range of a measured input, as a share of its median, up to which it is one load that wanders
@@ -57,6 +58,9 @@ def cut_by_input(run: Run) -> list[Run]:
     if len(holds) < 2:
         raise DataError(f"{run.where}: the input stays at {holds[0].level:g} {run.input_unit}: no step; {NO_STEP}")
     zero = zero_of(run)
+    if begins_with_step(run, holds, zero):
+        note = finding("step-at-first-sample", run.name, start=first_samples(run.output), unit=run.output_unit)
+        return cut_at(replace(run, findings=(*run.findings, note)), float(run.time_s[0]))
     first = (*run.findings, *active_low(run, holds))
     steps: list[Run] = []
     idle: float | None = None
@@ -72,6 +76,15 @@ def cut_by_input(run: Run) -> list[Run]:
         at = float(run.time_s[now.start])
         steps.append(step.part(samples, name=name, step_s=at, until_s=None, cut=True))
     return steps
+
+
+def begins_with_step(run: Run, holds: Sequence[Plateau], zero: float) -> bool:
+    """Whether a log begins as its input comes, and ends released: its output rises from near where that ends."""
+    if len(holds) != 2 or abs(holds[0].level) <= zero or abs(holds[1].level) > zero:
+        return False
+    start, held, left = first_samples(run.output), *(end_of(run.output, hold) for hold in holds)
+    rises = onset(run.time_s[: holds[0].stop], run.output[: holds[0].stop]) is not None
+    return rises and abs(start - left) < BEGINS_AT * abs(held - left)
 
 
 def active_low(run: Run, holds: Sequence[Plateau]) -> tuple[Finding, ...]:
@@ -204,7 +217,7 @@ def cut_by_output(run: Run) -> list[Run]:
     begins = onset(run.time_s[rows], run.output[rows])
     at = None if begins is None else begins.row
     if constant is not None and not rig:
-        from_start = begins is not None and level and run.time_s[begins.row] <= AT_ONCE * begins.high_s
+        from_start = begins is not None and level and run.time_s[begins.row] - run.time_s[0] <= AT_ONCE * begins.high_s
         at = 0 if from_start else None
     if constant is not None and at is None and not rig:
         remedy = NO_STEP if constant else "nothing was switched on; give logs in which the input steps"

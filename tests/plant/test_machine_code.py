@@ -16,7 +16,7 @@ def test_code_of_other_sources_is_never_opened(tmp_path: Path, monkeypatch: pyte
     """What another version left, with classes that are gone, would break numba where it reads it."""
     source, kept = tmp_path / "one.py", tmp_path / "kept"
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(kept))
-    name, found = twice.__qualname__, []
+    name, found = twice.__qualname__, list[Path]()
     for text in ("first", "second"):
         source.write_text(text)
         twice.__qualname__ = name

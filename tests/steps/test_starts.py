@@ -94,6 +94,21 @@ def test_the_first_samples_of_a_noisy_record_by_a_line() -> None:
     assert np.std(starts) < 0.03
 
 
+@pytest.mark.parametrize("late", [0, 10])
+def test_a_capture_that_begins_with_its_step_and_ends_released(late: int) -> None:
+    """In noise of 1 %, with a dead time and without; one that begins loaded tells no rise."""
+    plan = [(10, 20), (0, 10)]
+    starts = []
+    for seed in range(8):
+        frame = log(plan, gain=0.1, offset=0.3, noise=0.01, seed=seed)
+        frame["torque_nm"] = frame["torque_nm"].shift(late, fill_value=0.3)
+        steps = read(frame)
+        assert [one.level for one in steps.levels] == [10.0] and "step-at-first-sample" in told(steps)
+        starts.append(steps.runs[0].baseline_nm)
+    assert np.mean(starts) == pytest.approx(0.3, abs=0.012) and np.std(starts) < 0.015
+    assert not read(log([(10, 20), *plan], gain=0.1)[1000:].reset_index(drop=True)).levels
+
+
 @pytest.mark.parametrize(
     ("text", "value"),
     [("none", 0.0), ("0.25", 0.25), ("-0.5", -0.5), ("FIRST", 0.4), ("-2:-1", 0.25), ("auto", 0.375), ("0.5:1", 2.4)],
