@@ -60,11 +60,15 @@ def pull_to_line(
     line: MixedLine, size: Array, known: float, gains: LevelScatter | None = None
 ) -> tuple[Array, Array, Array]:
     """ln T_s of the levels, half-width of its interval, degrees of freedom, (L,), W being `known` by so many; `gains`
-    of runs tell what sweeps have in common."""
+    of runs tell what sweeps have in common. The interval is no wider than that of the level's own logs: how levels
+    scatter may be told by less than one degree of freedom."""
     each = np.eye(len(size))
     ahead = line.further(line.values.X, each[None], each[None])
     mean, degrees = np.maximum(ahead.mean, NO_SCATTER), ahead.degrees(each, known)
     variance = np.diagonal(ahead.covariance) / mean**2
+    alone = np.diagonal(line.values.W) / np.maximum(line.values.y, NO_SCATTER) ** 2
+    wide = t_quantile(degrees) * np.sqrt(variance) > t_quantile(known) * np.sqrt(alone)
+    variance, degrees = np.where(wide, alone, variance), np.where(wide, known, degrees)
     if gains is not None and (shared := float(gains.common[0])) > 0:  # what sweeps shift alike
         parts, sweeps = (variance, np.full(len(size), shared)), float(gains.degrees.max())
         variance, degrees = variance + shared, satterthwaite(parts, (degrees, sweeps))

@@ -10,6 +10,8 @@ import pytest
 
 import eaid
 from eaid.apparatus import Apparatus
+from eaid.estimate.own_level import levels_about, pull_to_line
+from eaid.estimate.spread import t_quantile
 from eaid.findings import say
 from eaid.plant.dynamics import REFERENCE_PLANT, Step
 from eaid.plant.steps import step_response
@@ -402,3 +404,17 @@ def test_two_levels_whose_names_are_exchanged_stop_the_fit(curve: str) -> None:
     assert told["levels-exchanged"].levels == (40.0, 60.0)
     assert not fit.verdict.usable
     assert "levels-exchanged" not in codes(fitted(20.0, 3, off=OFF))
+
+
+def test_a_level_is_as_sure_as_its_own_runs_at_least() -> None:
+    """How levels scatter may be told by a third of a degree of freedom, whose quantile is a factor of nine."""
+    u = np.linspace(0.1, 1.0, 10)
+    D, sd, held = np.vander(u, 4, increasing=True), 0.03, []
+    for seed in range(120):
+        draw = np.random.default_rng(seed)
+        Ts, W = 5 * u * np.exp(sd * draw.normal(size=10)), np.eye(10) * sd**2 * draw.chisquare(20) / 20
+        size = D @ np.linalg.lstsq(D / Ts[:, None], np.ones(10), rcond=None)[0]
+        own, half, _ = pull_to_line(levels_about(Ts, size, D, W), size, 20.0)
+        assert (half <= 1.001 * t_quantile(20.0) * np.sqrt(np.diag(W)) / (Ts / size)).all()
+        held.append(np.abs(own - np.log(5 * u)) <= half)
+    assert 0.93 < np.mean(held) < 0.98
