@@ -88,9 +88,21 @@ def points_of(
     points = as_stepped(operating_points(plant, model, rows, fit.data.levels, limits), fit.steps)
     if plant is None or not plant.sloped:
         return points
-    ends = {row.level: ci95_of(row, "Ts") for row in fit.level_values}
+    ends = ends_at(
+        {row.level: own for row in fit.level_values if (own := ci95_of(row, "Ts")) is not None},
+        [point.duty_pct for point in points],
+    )
     scatter = (fit.nonlinear.level_scatter if fit.nonlinear is not None else None) or 0.0
     return may_be_steeper(points, plant, ends, scatter)
+
+
+def ends_at(known: Mapping[float, tuple[float, float]], inputs: Sequence[float]) -> dict[float, Interval]:
+    """Intervals at some inputs, between two that are known by lines through their ends; None beyond them."""
+    if not known:
+        return {}
+    at = sorted(known)
+    ends = [np.interp(inputs, at, [known[u][k] for u in at]).tolist() for k in (0, 1)]
+    return {u: (low, high) for u, low, high in zip(inputs, *ends, strict=True) if at[0] <= u <= at[-1]}
 
 
 def operating_points(
@@ -137,8 +149,8 @@ def may_be_steeper(
         chords = np.diff(plant.steady(beside)) / np.diff(beside)
         parabola = float(np.interp(u, beside[[0, -1]], chords[[0, -1]]))
         least = plant.u_range[0]
-        ends_at = (max(beside[0], least), beside[-1]) if u > 0 else (beside[0], min(beside[-1], -least))
-        between = np.linspace(*ends_at, STEEP_INPUTS).tolist()
+        span = (max(beside[0], least), beside[-1]) if u > 0 else (beside[0], min(beside[-1], -least))
+        between = np.linspace(*span, STEEP_INPUTS).tolist()
         beyond = 1.0 if own is None or not point.torque_nm else max(1.0, own[1] / point.torque_nm)
         steepest = max(gain, parabola, *map(plant.slope, between)) * (beyond + 2 * scatter)
         if gain > 0:

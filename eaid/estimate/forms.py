@@ -162,9 +162,7 @@ class Model:
                 powers = np.zeros(0) if form is None else form.powers(c)
             parts.append(tuple(np.pad(powers, (0, degree + 1 - len(powers))).tolist()))
         (Ts, tau1, tau2), share = parts, float(x[-1]) if self.share is None else self.share
-        own = (
-            tuple(zip(self.Ts.levels, x[self.slices[0]].tolist(), strict=True)) if isinstance(self.Ts, PerLevel) else ()
-        )
+        own = self.Ts.points(x[self.slices[0]]) if isinstance(self.Ts, PerLevel) else ()
         if self.kind == "parallel":
             return Plant(tau1, tau2, Ts, (self.low, self.high), share, Ts_through=own)
         if self.kind == "pair":

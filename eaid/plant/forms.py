@@ -25,6 +25,7 @@ Range = tuple[float, float]  # Lowest and highest identified input, by size
 # From which input on, and the cubic that holds from there, of the input above it, lowest power first
 CubicPiece = tuple[float, float, float, float, float]
 Pieces = tuple[CubicPiece, ...]
+POINTS = 4  # By which a curve between two of its values is told a plant that goes through them
 KnownPoints = tuple[tuple[float, float], ...]  # Inputs, rising, and a value at each
 
 
@@ -133,6 +134,30 @@ class PerLevel:
         """∂ value/∂ coefficients at some inputs, (m, size)."""
         edges = 0.5 * (self.inputs[1:] + self.inputs[:-1])
         return np.asarray(np.eye(self.size)[np.searchsorted(edges, u)])
+
+    def points(self, values: Array) -> KnownPoints:
+        """The curve that they make, as a plant goes through it."""
+        return tuple(zip(self.levels, values.tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class Knots(PerLevel):
+    """A value at each of some inputs; cubics between them, whose slope at one is that of the parabola through it and
+    its neighbours."""
+
+    def rows(self, u: Array) -> Array:
+        """∂ value/∂ coefficients at some inputs, (m, size)."""
+        from scipy.interpolate import CubicHermiteSpline
+
+        each = np.eye(self.size)
+        return np.asarray(
+            CubicHermiteSpline(self.inputs, each, np.gradient(each, self.inputs, axis=0, edge_order=2))(u)
+        )
+
+    def points(self, values: Array) -> KnownPoints:
+        """So many that a plant's own way between two hardly differs; none below 0."""
+        parts = np.interp(np.arange(POINTS * (self.size - 1) + 1) / POINTS, np.arange(self.size), self.inputs)
+        return tuple(zip(parts.tolist(), np.maximum(self.rows(parts) @ values, 0.0).tolist(), strict=True))
 
 
 Form: TypeAlias = LegendreForm | Proportional | Sides | PerLevel

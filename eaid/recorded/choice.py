@@ -17,7 +17,7 @@ from eaid.levels.from_steps import ENDLESS_RECORDS
 from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
-from eaid.plant.forms import Proportional, Sides
+from eaid.plant.forms import Knots, PerLevel, Proportional, Sides
 from eaid.recorded.creep import (
     LEAST_GAIN,
     SURE_GAIN,
@@ -42,13 +42,13 @@ from eaid.recorded.from_logs import (
     Solved,
     fit_near,
     fit_setup,
-    fit_through_levels,
+    fit_through,
     idle_found,
     plant_found,
     setup_of,
     start_states,
 )
-from eaid.recorded.inputs import FEW_LEVELS, FOLLOWS_SURELY, MANY_LEVELS, NEXT_TO_REST, Excited, follows
+from eaid.recorded.inputs import BEYOND_INPUTS, FEW_LEVELS, FOLLOWS_SURELY, MANY_LEVELS, NEXT_TO_REST, Excited, follows
 from eaid.recorded.kinds import (
     LAG_KINDS,
     PRICE,
@@ -91,6 +91,8 @@ DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
 AT_ONE, OVERSHOOTS, TWICE_SLOWER = 0.999, 1.2, (5.0, 15.0)
 FAR_LESS = 0.7  # Squares over those of the clutch, up to which an overshoot explains far more: drifts imitate others
 DRIFT_ROUNDS = 3  # In which drifts of gains are found
+KNOTS, MOST_KNOTS = 9, 17  # Values through which T_s(u) goes where no cubic does …
+LEAST_APART_KNOTS = 0.02  # … and by which part of the range two lie apart at least, as the inputs of the logs have them
 ALL_INPUTS = 11  # Inputs over which a form is laid out
 FARTHEST_PATTERN, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
@@ -197,7 +199,8 @@ def _choose_plant(
     if not signed:
         clutch = _fit_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
     inside, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
-    beyond = asked is not None and not inside.min() <= asked[0] < asked[1] <= inside.max()
+    near = BEYOND_INPUTS * float(inside.max())
+    beyond = asked is not None and not inside.min() - near <= asked[0] < asked[1] <= inside.max() + near
     alone = not others and options.share == SHARE and not beyond  # another kind says nothing of inputs never seen
     # where no input ever changes, gain and idle output cannot be told apart
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
@@ -372,7 +375,9 @@ def _try_kinds_behind(
     by the best kind, which may move them again."""
     acting = [shift_input(log, one.rows) for log, one in zip(logs, late, strict=True)]
     as_left = any(one.solved.fitted.falls_as_left for one in rivals)
-    search = Search(tuple(mark_resting_starts(acting, inputs)), *inputs.ends, options.held_dead_time_s, as_left)
+    search = Search(
+        tuple(mark_resting_starts(acting, inputs)), inputs.low, inputs.high, options.held_dead_time_s, as_left
+    )
     rows = try_every_kind(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
         shown = [drop_outputs_before(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
@@ -527,10 +532,17 @@ def _fit_clutch(
         base = lay_over_all(base, inputs)
     if options.through:
         base = refit_through_levels(base, inputs)
+    elif (knots := find_knots(base, inputs)) is not None:
+        base = fit_through(base, knots)
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
-        base, of_falls, more = test_falls(base, inputs, free)
+        base, of_falls, more = test_falls(plain, inputs, free)
+        if base is not plain and (knots := find_knots(base, inputs)) is not None:  # which what falls have hid
+            plain = fit_through(plain, knots)
+            base, of_falls, more = test_falls(plain, inputs, free)
         findings += more
+    if isinstance(curve := base.setup.model.Ts, Knots):
+        findings.append(finding("torque-curve-by-evidence", "nonlinear", values=curve.size))
     return Chosen(base, behind.logs, of_falls, (), findings, behind.late, plain)
 
 
@@ -538,7 +550,27 @@ def refit_through_levels(base: Solved, inputs: Excited) -> Solved:
     """A fit with T_s(u) through the values of the levels that its logs hold."""
     if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
         raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
-    return fit_through_levels(base, inputs.levels)
+    return fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
+
+
+def find_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Knots | None:
+    """T_s(u) through values at `count` inputs, or more, where logs ask for more than a cubic, be it for falls or a
+    hysteresis that they do not have; None where they do not, or hold few levels, or have such a T_s(u)."""
+    model, first = base.setup.model, base.setup.model.slices[0].stop
+    if (inputs.stepwise and len(inputs.levels) <= FEW_LEVELS) or count <= first:
+        return None
+    sizes = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.fitted.every.drives]))
+    sizes = sizes[(sizes > 0) & (sizes >= model.low) & (sizes <= model.high)]
+    at = np.array([model.low, *np.quantile(sizes, np.linspace(0, 1, count)[1:-1]), model.high])
+    if (np.diff(at) < LEAST_APART_KNOTS * (model.high - model.low)).any():
+        at = np.linspace(model.low, model.high, count)
+    form = Knots(tuple(at.tolist()))
+    found = fit_through(base, form)
+    chance = SHARE_CHANCE if count == KNOTS else DEFAULT_CHANCE  # once no cubic does, a few more cost little
+    by_noise = float(chdtri(count - first, chance)) * found.cost / count_independent(found)
+    if not found.cost < base.cost - by_noise:
+        return None
+    return (find_knots(found, inputs, 2 * count - 1) or form) if count < MOST_KNOTS else form
 
 
 def input_answers_output(solved: Solved, logs: Sequence[RecordedLog]) -> bool:

@@ -20,7 +20,8 @@ from eaid.estimate.forms import SLOWEST_TAU
 from eaid.findings import Finding, finding
 from eaid.levels.release import LEFT_SAVES
 from eaid.plant.drive import Drive
-from eaid.recorded.from_logs import NO_EXTRAS, Solved, fit_near, fit_through_levels
+from eaid.plant.forms import PerLevel
+from eaid.recorded.from_logs import NO_EXTRAS, Solved, fit_near, fit_through
 from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.recorded import FallTest
@@ -58,7 +59,7 @@ def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple
     if names:
         model, by_levels = base.setup.model, base
         if inputs.stepwise and model.slices[0].stop < len(inputs.levels) <= FEW_LEVELS and not model.signed:
-            by_levels = fit_through_levels(base, inputs.levels)
+            by_levels = fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
         whole = fit_with_falls(by_levels, names)
         known = spread(whole)
         judgements = _judge(whole, names, known)

@@ -29,13 +29,14 @@ from eaid.levels.nonlinear import with_errors
 from eaid.levels.unseen import judge_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
+from eaid.plant.forms import PerLevel
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import Chosen, add_rest_before, choose_plant, set_up_above_idle
 from eaid.recorded.closed_loop import judge_loops, refit_by_instruments
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
 from eaid.recorded.fall_tests import fit_with_falls
-from eaid.recorded.from_logs import Solved, fit_setup, fit_through_levels, idle_found, plant_found, start_states
+from eaid.recorded.from_logs import Solved, fit_setup, fit_through, idle_found, plant_found, start_states
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Excited, find_inputs, input_findings, move_range, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
@@ -322,7 +323,7 @@ def experiment_of(
     logs = [part for log in logs for part in split_at_gaps(log)]
     signed = any(float(log.input.min()) < 0 for log in logs)  # no plant of both sides is fitted with steps
     others = logs_of_steps(steps) if steps is not None and not signed else []
-    inputs = find_inputs([*logs, *others], options.duty)
+    inputs = find_inputs([*logs, *others], options.duty, goes_on=True)
     resting = [add_rest_before(log, inputs) for log in logs]
     return Experiment(resting, others, inputs, options, runs, steps, repeats, falls)
 
@@ -337,7 +338,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     """The whole fit with a plant that was chosen."""
     logs, others, options, inputs = experiment.logs, experiment.others, experiment.options, experiment.inputs
     base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
-    findings = [*input_findings(logs, inputs.levels), *find_parted_logs(logs), *experiment.steps_left_out]
+    findings = [*input_findings(logs, inputs, options.duty), *find_parted_logs(logs), *experiment.steps_left_out]
     inputs = move_range(inputs, base.setup.model.low, base.setup.model.high)
     if not experiment.rests:  # another kind's T_s goes through rest, and tells the idle output so
         code = "idle-not-seen" if base.setup.model.kind == "parallel" else "rest-not-seen"
@@ -416,7 +417,7 @@ def take_levels(chosen: Chosen, own: LevelsOwn) -> Chosen:
     if told[0].code == "output-levels-off":  # which says why they scatter
         told = [one for one in told if one.code != "levels-scatter"]
     told = [one if one.code != "levels-scatter" else msgspec.structs.replace(one, severity="note") for one in told]
-    solved = own.through or fit_through_levels(chosen.solved, own.u)
+    solved = own.through or fit_through(chosen.solved, PerLevel(tuple(own.u.tolist())))
     return replace(chosen, solved=solved, findings=[*chosen.findings, *told])
 
 

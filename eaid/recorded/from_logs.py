@@ -442,11 +442,11 @@ def fit_near(setup: Setup, x: Array) -> Solved:
     return replace(solved, x=np.insert(held.x, at, theta), cost=held.cost, solver=held.solver)
 
 
-def fit_through_levels(solved: Solved, u: Array) -> Solved:
-    """A fit with T_s of each level as an unknown, (L,), in place of a curve's coefficients."""
+def fit_through(solved: Solved, form: PerLevel) -> Solved:
+    """A fit with T_s of some inputs as unknowns, (L,), in place of a curve's coefficients."""
     fitted, first = solved.fitted, solved.fitted.model.slices[0].stop
-    each = replace(fitted, model=replace(fitted.model, Ts=PerLevel(tuple(u.tolist()))))
-    return fit_near(each, np.append(solved.curves(u).steady, solved.x[first:]))
+    through = replace(fitted, model=replace(fitted.model, Ts=form))
+    return fit_near(through, np.append(solved.curves(form.inputs).steady, solved.x[first:]))
 
 
 def pick_least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:

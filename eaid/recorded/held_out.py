@@ -19,12 +19,12 @@ from eaid.plant.drive import AT_IDLE
 from eaid.plant.forms import PerLevel, pieces_through, piecewise
 from eaid.recorded.creep import hold_creeps
 from eaid.recorded.from_logs import Setup, Solved, setup_of
+from eaid.recorded.inputs import BEYOND_INPUTS
 from eaid.results.recorded import LogsHeldOut
 
 THIRDS = ("last", "middle", "first")
 MOST_FOLDS = 4  # Of several logs
 AGREES = 0.02  # Part by which the whole fit may leave more of the others than their own
-BEYOND_INPUTS = 0.02  # Part of the largest input by which a part left out may reach beyond the others
 PART_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which the fit without a part stands
 
 

@@ -17,6 +17,8 @@ MANY_LEVELS = 60  # Levels beyond which inputs count as moving
 FEW_LEVELS = 20  # Levels that are shown each by itself, at most
 TAIL = 0.01  # Part of the acting time that a moving input may spend below the identified range
 NEXT_TO_REST = 0.02  # Part of the largest input below which one that moves is at rest
+BEYOND_INPUTS = 0.02  # Part of the largest input by which inputs lie beyond others at least
+LEAST_BEYOND = 0.01  # Part of the time under load, beyond a range that was asked for, from which it goes on
 LEAST_OUTPUTS, LEAST_OF_ALL = 10, 50  # Rows of one log, and of all: a plant has up to nine unknowns
 FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
 INPUT_JUMP = 0.1  # A jump, as a part of the largest input
@@ -54,8 +56,8 @@ def move_range(inputs: Excited, low: float, high: float) -> Excited:
     return replace(inputs, low=low, high=high, levels=inputs.levels if inputs.stepwise else np.array([low, high]))
 
 
-def find_inputs(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None) -> Excited:
-    """Levels and range that the logs excite, or the range that was asked for."""
+def find_inputs(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None, goes_on: bool = False) -> Excited:
+    """Levels and range that the logs excite, or the range asked for, which ends there or `goes_on` with them."""
     levels = np.unique(np.abs(np.concatenate([log.input[log.changes] for log in logs])))
     levels = levels[levels > 0]
     ends, alike = (float(levels[0]), float(levels[-1])), LEVELS_ALIKE * levels[-1]
@@ -68,6 +70,8 @@ def find_inputs(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None)
         if stepwise and not len(inside):
             held = ", ".join(f"{level:g}" for level in levels)
             raise UsageError(f"«duty» {wanted[0]:g}:{wanted[1]:g}: no level of the logs lies in it; they hold {held}")
+        if goes_on and (top := _highest_acting(logs, wanted[1])) > wanted[1]:
+            return find_inputs(logs, (wanted[0], top))
         return Excited(inside if stepwise else np.array(wanted), *wanted, stepwise, wanted)
     if stepwise:
         return Excited(levels, float(levels[0]), float(levels[-1]), True, (float(levels[0]), float(levels[-1])))
@@ -76,6 +80,15 @@ def find_inputs(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None)
     acts = values > NEXT_TO_REST * values.max()  # below, a loop answers noise
     low, high = np.quantile(values, [TAIL, 1.0], weights=weights * acts, method="inverted_cdf").tolist()
     return Excited(np.array([low, high]) if high > low else np.array([low]), low, high, False, ends)
+
+
+def _highest_acting(logs: Sequence[RecordedLog], high: float) -> float:
+    """`high`, or the largest input of the logs where they lie beyond that for a part of their time under load: with a
+    curve that ends there what it gives would be taken for something else of the plant."""
+    loaded = np.concatenate([log.dt_s[log.input != 0] for log in logs])
+    sizes = np.concatenate([np.abs(log.input[log.input != 0]) for log in logs])
+    beyond = sizes > high + BEYOND_INPUTS * sizes.max(initial=0.0)
+    return float(sizes.max()) if loaded[beyond].sum() > LEAST_BEYOND * loaded.sum() else high
 
 
 def refuse(logs: Sequence[RecordedLog]) -> None:
@@ -123,9 +136,13 @@ def follows(log: RecordedLog) -> float:
     return float(u @ y) / max(float(np.linalg.norm(u) * np.linalg.norm(y)), 1e-300)
 
 
-def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
-    """Warnings in the inputs, log by log and together."""
+def input_findings(
+    logs: Sequence[RecordedLog], inputs: Excited, wanted: tuple[float, float] | None = None
+) -> list[Finding]:
+    """Warnings in the inputs, log by log and together, and of a range that was `wanted`."""
     findings = []
+    if wanted is not None and inputs.high > wanted[1]:
+        findings.append(finding("range-goes-on", "data", wanted=wanted[1], high=inputs.high))
     for log in logs:
         top = float(np.abs(log.input).max())
         step = np.abs(np.diff(log.input)) > INPUT_JUMP * top
@@ -143,6 +160,6 @@ def input_findings(logs: Sequence[RecordedLog], levels: Array) -> list[Finding]:
         for log in logs
         if np.ptp(log.input) == 0 and log.idle_start is not True
     ]
-    if len(levels) == 1:
-        findings.append(finding("one-input-only", "data", levels))
+    if len(inputs.levels) == 1:
+        findings.append(finding("one-input-only", "data", inputs.levels))
     return findings

@@ -22,7 +22,7 @@ from eaid.estimate.spread import LevelScatter
 from eaid.findings import Finding, finding
 from eaid.plant.forms import PerLevel
 from eaid.recorded.curve_intervals import LIMITS_PCT
-from eaid.recorded.from_logs import Solved, fit_near, fit_through_levels, plant_found
+from eaid.recorded.from_logs import Solved, fit_near, fit_through, plant_found
 from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.common import Interval
@@ -79,7 +79,7 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
     size = np.maximum(size, LEAST_SIZE * float(size.max()))
     if not (size > 0).all():
         return None
-    through = None if levels else fit_through_levels(solved, u)
+    through = None if levels else fit_through(solved, PerLevel(tuple(u.tolist())))
     by_themselves = _by_runs(solved, known, levels, size) if through is None else _by_logs(through, u)
     if by_themselves is None or (by_themselves[0] <= 0).any():
         return None

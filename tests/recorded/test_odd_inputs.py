@@ -17,6 +17,7 @@ from eaid.recorded.fit import fit_recorded
 from eaid.recorded.inputs import find_inputs
 from eaid.recorded.log_intervals import engagements
 from eaid.results.plant import number_at
+from eaid.results.verdict import judged
 
 from ..conftest import codes
 
@@ -325,3 +326,67 @@ def test_a_fast_plant_that_comes_to_its_largest_output_at_once_has_no_limit():
     u = np.repeat(np.tile([0.0, 50.0, 0.0, 100.0], 15), 100)
     fit = fit_recorded([log(t, u, fast, 0.002)], FitOptions(model=("nonlinear",)))
     assert "output-saturates" not in codes(fit) and fit.plant.steady(100.0) == pytest.approx(2.0, rel=0.01)
+
+
+def random_steps(seconds=160.0, dt=0.02, seed=3):
+    """Levels of 12 to 100 %, held for 0.5 to 8 s, every seventh one at rest."""
+    draw, levels, holds = np.random.default_rng(seed), [0.0], [150]
+    while sum(holds) * dt < seconds:
+        levels.append(0.0 if len(levels) % 7 == 6 else draw.uniform(12, 100))
+        holds.append(int(draw.uniform(0.5, 8.0) / dt))
+    u = np.repeat(levels, holds)
+    return dt * np.arange(len(u)), u
+
+
+CURVES = {
+    "saturates": lambda u: 3.6 * np.tanh(u / 45),
+    "is S-shaped": lambda u: 4 / (1 + np.exp(-(u - 45) / 12)) - 0.09,
+}
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_a_torque_that_follows_no_cubic_is_no_fall_of_its_own(name):
+    points = tuple((float(u), float(CURVES[name](u))) for u in np.linspace(10, 100, 91))
+    plant = replace(REFERENCE_PLANT, Ts_through=points)
+    t, u = random_steps()
+    logs = [log(t, u, plant, 0.02)]
+    fit = fit_recorded(logs, FitOptions())
+    told = codes(fit)
+    assert "torque-curve-by-evidence" in told and not {"falls-differ", "hysteresis"} & told.keys()
+    for level in (20.0, 50.0, 80.0):
+        assert float(fit.plant.steady(level)) == pytest.approx(float(CURVES[name](level)), rel=0.012)
+    assert eaid.tune_rc(fit).margins["pi"].gain_db >= 6
+
+
+def test_a_cubic_torque_stays_one():
+    t, u = random_steps()
+    assert "torque-curve-by-evidence" not in codes(fit_recorded([log(t, u, REFERENCE_PLANT, 0.02)], FitOptions()))
+
+
+def test_a_range_that_ends_below_the_inputs_of_its_logs_goes_on_with_them():
+    """With a curve that ends at 60 % what 100 % give was an input noted late, a hysteresis, another kind."""
+    t = np.arange(10_000) * 0.02
+    u = np.repeat([0.0, 20, 40, 60, 80, 100, 80, 60, 40, 20], 1000)
+    fit = fit_recorded([log(t, u, REFERENCE_PLANT)], FitOptions(duty=(20.0, 60.0)))
+    assert codes(fit)["range-goes-on"].values == {"wanted": 60.0, "high": 100.0}
+    assert fit.plant.u_range == (20.0, 100.0) and not {"input-late", "hysteresis"} & codes(fit).keys()
+    assert float(fit.plant.steady(60.0)) == pytest.approx(float(REFERENCE_PLANT.steady(60.0)), rel=0.005)
+
+
+def test_another_kind_of_a_loop_has_a_gain_over_the_inputs_that_act():
+    """Noise leads a loop at rest to inputs next to 0, where a polynomial of the gain may be anything."""
+    draw, n, dt, dead_rows, noise = np.random.default_rng(1), 8000, 0.02, 4, 0.0
+    wanted = np.repeat(draw.uniform(0.3, 3.5, n // 200 + 1), 200)[:n] * (np.arange(n) >= 250)
+    duty, read, (x1, x2, integral) = np.zeros(n), np.zeros(n), (0.0, 0.0, 0.0)
+    for k in range(n):
+        noise = np.exp(-dt / 0.3) * noise + np.sqrt(-np.expm1(-2 * dt / 0.3)) * draw.standard_normal()
+        read[k] = x1 + x2 + 0.006 * draw.standard_normal() + 0.01 * noise * abs(x1 + x2)
+        error = wanted[k] - read[k]
+        duty[k] = min(max(15.0 * error + 25.0 * integral, 0.0), 100.0)
+        integral += dt * error if 0 < duty[k] < 100 else 0.0
+        acting = duty[k - dead_rows] if k >= dead_rows else 0.0
+        steady = 0.04 * acting * (0.4 + 0.006 * acting)
+        x1 += (0.85 * steady - x1) * -np.expm1(-dt / (0.2 + 0.0025 * acting))
+        x2 += (0.15 * steady - x2) * -np.expm1(-dt / (5 + 0.06 * acting))
+    fit = judged(fit_recorded([RecordedLog("loop", dt * np.arange(n), duty, read, reference=wanted)], FitOptions()))
+    assert fit.verdict.usable and fit.plant.dead_time_s == pytest.approx(dead_rows * dt, abs=0.005)

@@ -457,6 +457,13 @@ ROWS: dict[str, Row] = {
         covers=("other-shape-fits-better",),
         first="record what the drive puts out as the input",
     ),
+    "torque-curve-by-evidence": note(
+        "T_s follows no cubic of the input: it goes through its values at {values} inputs, which the logs tell"
+    ),
+    "range-goes-on": caution(
+        "the logs' inputs go on to {high:g}, and beyond {wanted:g}, where «duty» ends, they move the output too: the "
+        "range goes on; keep a controller below with «duty_limits»"
+    ),
     "input-saturates": caution(
         "{subject}: the input stands at its limit ({limit:g}) for {share_pct:.0f} % of the acting time: it tells "
         "little there; lower the reference or the gains",
