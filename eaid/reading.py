@@ -12,7 +12,7 @@ import numpy as np
 
 from eaid.arrays import median
 from eaid.declared import as_typed
-from eaid.errors import DataError
+from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
 from eaid.findings import finding, say
 from eaid.logs.columns import columns_guessed
@@ -238,6 +238,10 @@ def steps_in(
     runs = [replace(run, swept=True) if as_ == "sweep" else run for run, as_ in zip(runs, fitted, strict=True)]
     uncut = [run for run, as_ in zip(runs, fitted, strict=True) if as_ == "recorded" and how != "steps"]
     whole = [run for run in runs if not any(run is one for one in uncut)]
+    if options.levels is not None and uncut and not whole:
+        raise UsageError(
+            "«levels» keeps steps from rest, and these logs are fitted as recorded: say their range by «duty»"
+        )
     steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)

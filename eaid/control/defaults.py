@@ -209,9 +209,9 @@ def quickest_pi(model: LinearPlant, points: Sequence[Point], timing: Timing, pac
     """The quickest PI; GainsError where there is none."""
     if (found := quickest(model, points, timing, pace)) is not None:
         return found
-    flat = [point.duty_pct for point in points if point.plant.gain <= 0]
+    flat = dict.fromkeys(point.duty_pct for point in points if point.plant.gain <= 0)
     why = f"the output does not rise with the input around {', '.join(f'{u:.4g}' for u in flat)} {unit}: leave such "
-    why += "levels out of the fit («levels»)"
+    why += "levels out of the fit («levels», of logs fitted as recorded «duty»)"
     raise GainsError(
         f"no PI has {ENOUGH_DB:g} dB and {ENOUGH_DEG:g}° around every level, {timing.words()}; "
         + (why if flat else "record more levels, or give «pi_gains»")

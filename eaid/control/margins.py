@@ -28,6 +28,7 @@ from eaid.control.kinds import LAW_KINDS, Law, row_of_gains
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import GainsError
+from eaid.estimate.own_level import RESTING
 from eaid.findings import Finding, finding
 from eaid.plant import linear
 from eaid.plant.dynamics import Plant
@@ -117,6 +118,8 @@ def operating_points(
     if plant is not None and plant.sloped:
         low, high = plant.u_range
         duties = [u for u in levels if low <= u <= high] or np.linspace(low, high, MARGIN_POINTS).tolist()
+        rests = RESTING * float(np.max(plant.steady(np.array(duties))))  # a loop holds no output there
+        duties = [u for u in duties if plant.slope(u) > 0 or plant.steady(u) > rests]
         duties = [*(-u for u in reversed(duties) if plant.signed), *duties]
         down = falling(plant)
         ways = [(False, plant)] + ([(True, down)] if down is not None else [])

@@ -14,6 +14,7 @@ from eaid.estimate import data as metrics
 from eaid.estimate.data import Data, missed
 from eaid.estimate.forms import Model
 from eaid.estimate.forms import linear as line
+from eaid.estimate.own_level import RESTING
 from eaid.estimate.points import log_crossed
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
@@ -92,11 +93,18 @@ def single_levels(data: Data, solved: Sequence[Solution]) -> tuple[LinearLevel, 
 
 
 def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None) -> Bounds:
-    """Least and largest B over the kept levels (all where `wanted` is None); levels without a positive b0 have none."""
+    """Least and largest B over the kept levels (all where `wanted` is None, but for those whose output stays at rest);
+    levels without a positive b0 have none."""
     chosen = [row for row in rows if wanted is None or row.level in wanted]
-    known = [row.B for row in chosen if row.B is not None]
+    known = [row.B for row in chosen if row.B is not None and (wanted is not None or row.level not in at_rest(rows))]
     levels = tuple(row.level for row in chosen)
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
+
+
+def at_rest(rows: Sequence[LinearLevel]) -> list[float]:
+    """Levels whose output all but stays at rest, as below a clutch's onset: their B is as large as one likes."""
+    top = max((row.gain for row in rows), default=0.0)
+    return [row.level for row in rows if row.B is None or row.gain <= RESTING * top]
 
 
 def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter, white: bool) -> LinearLevelIntervals:

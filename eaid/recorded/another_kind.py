@@ -129,6 +129,8 @@ def put_in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     assert part is not None
     gone = ("nonlinear", "friction", "release")
     kept = [one for one in fit.findings if one.code not in OF_SHAPES and one.subject not in gone]
+    if part.plant.kind != "overshoot":  # no other has the clutch's slow part
+        kept = [one for one in kept if not (one.code == "repeat-is-off" and one.values.get("parameter") == "tau2")]
     if other.uncertainty is not None and other.uncertainty.scatter_from == "engagements":  # single runs tell, too
         kept = [one for one in kept if one.code != "single-runs-few-levels"]
     if part.plant.kind == "ringing":  # its turns are the edges that were seen

@@ -236,7 +236,8 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     explains = best.cost <= (1 - LITTLE_BY_KIND_PCT / 100) ** 2 * total  # noise alone wanders, too
     if explains and not of_loops and integrates(searched.search, best):
         raise DataError(*(integrator_message(log) for log in logs))
-    kinds = tuple(kind_row(one, total, best.score) for one in rows)
+    spread_of_all = squares_about_mean(*logs)  # as every other fit counts
+    kinds = tuple(kind_row(one, spread_of_all, best.score) for one in rows)
     signed = searched.search.signed
     if (
         falls_with_input(best, inputs)
@@ -248,14 +249,14 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds, searched=searched)
     best = separate_lags(best)
-    kinds = (kind_row(best, total, best.score), *kinds[1:])
+    kinds = (kind_row(best, spread_of_all, best.score), *kinds[1:])
     of_lags = searched.falls and explains and not (signed or input_answers_output(best.solved, logs))
     of_falls, found = tuple[FallTest, ...](), tuple[Finding, ...]()
     if of_lags and (pair := refit_as_two_lags(best.solved)) is not None:
         solved, of_falls, found = test_falls(pair, inputs, free=True)
         if solved is not pair:  # the kind that is taken, with its falls
             best = replace(best, solved=solved)
-            kinds = (kind_row(best, total, best.score), *kinds[1:])
+            kinds = (kind_row(best, spread_of_all, best.score), *kinds[1:])
     told = _kind_findings(best, kinds, logs)
     told += [more for one, log in zip(searched.late, searched.noted, strict=True) for more in one.told(log)]
     of_clutch = None if clutch is None else clutch.clutch
@@ -614,9 +615,10 @@ def fit_overshoot(clutch: Solved) -> Solved | None:
     return best if best.x[model.size] > 1 and best.cost < FAR_LESS * clutch.cost else None
 
 
-def squares_about_mean(log: RecordedLog) -> float:
-    """Weighted squares of an output about its mean."""
-    return log.weight * float(np.nansum((log.output - np.nanmean(log.output)) ** 2))
+def squares_about_mean(*logs: RecordedLog) -> float:
+    """Weighted squares of outputs about the mean of all."""
+    mean = np.nanmean(np.concatenate([log.output for log in logs]))
+    return sum(log.weight * float(np.nansum((log.output - mean) ** 2)) for log in logs)
 
 
 def kind_row(one: Tried, total: float, least: float) -> KindTried:

@@ -355,7 +355,7 @@ def test_a_torque_that_follows_no_cubic_is_no_fall_of_its_own(name):
     assert "torque-curve-by-evidence" in told and not {"falls-differ", "hysteresis"} & told.keys()
     for level in (20.0, 50.0, 80.0):
         assert float(fit.plant.steady(level)) == pytest.approx(float(CURVES[name](level)), rel=0.012)
-    assert eaid.tune_rc(fit).margins["pi"].gain_db >= 6
+    assert eaid.tune_rc(judged(fit)).margins.worst["pi"].gain_db >= 6
 
 
 def test_a_cubic_torque_stays_one():
@@ -390,3 +390,30 @@ def test_another_kind_of_a_loop_has_a_gain_over_the_inputs_that_act():
         x2 += (0.15 * steady - x2) * -np.expm1(-dt / (5 + 0.06 * acting))
     fit = judged(fit_recorded([RecordedLog("loop", dt * np.arange(n), duty, read, reference=wanted)], FitOptions()))
     assert fit.verdict.usable and fit.plant.dead_time_s == pytest.approx(dead_rows * dt, abs=0.005)
+
+
+def test_inputs_below_the_onset_tell_no_b():
+    """B of an output that rests is as large as one likes, and no loop bears it."""
+    points = tuple((float(u), float(max(u - 15, 0) * 0.05)) for u in np.linspace(2, 100, 197))
+    t, u = random_steps()
+    u = np.where((u > 0) & (u < 30), u - 12, u)
+    fit = judged(
+        fit_recorded([log(t, u, replace(REFERENCE_PLANT, Ts_through=points, u_range=(2.0, 100.0)))], FitOptions())
+    )
+    assert codes(fit)["level-without-b"].levels and 20 * fit.linear.bounds.B_m > fit.linear.bounds.B_M
+    assert eaid.tune_rc(fit).margins.worst["pi"].gain_db >= 6
+
+
+def test_levels_of_a_recorded_log_are_said_by_its_range(run_eaid, tmp_path):
+    t, u = random_steps(40.0)
+    pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": log(t, u).output}).to_csv(tmp_path / "log.csv", index=False)
+    ran = run_eaid("fit", tmp_path / "log.csv", "--levels", "20:60", "-o", tmp_path / "f.json")
+    assert ran.code == 2 and "say their range by --duty" in ran.err
+
+
+def test_all_models_of_a_fit_explain_about_one_mean():
+    """Each log about its own mean, the plant was 10 points below the linear model of the same logs."""
+    t = np.arange(2000) * 0.02
+    logs = [log(t, np.repeat([0.0, u, 0.9 * u, u, 0.95 * u], 400), LAG, 0.05, f"{u:g}") for u in (20.0, 50.0, 100.0)]
+    fit = fit_recorded(logs, FitOptions())
+    assert fit.plant_.another and fit.plant_.tried[0].fit_pct == pytest.approx(fit.linear.fit_pct, abs=0.5)
