@@ -251,8 +251,14 @@ def recording_widths(
     output = sensed(torque, time_s, np.zeros_like(time_s), disturbance, draw)
     duties = np.linspace(*p.u_range, WIDTH_INPUTS)
     model = nonlinear(duties, p.C)
+    own: dict[str, tuple[float, ...]] = {}
+    own |= {"rest": p.release} if p.release is not None and not p.release_as_left else {}
+    own |= {"fall": p.falls} if p.falls != (1.0, 1.0) else {}
+    own |= {"excess": (p.excess,)} if p.excess else {}
     setup = setup_of(model, [RecordedLog("planned", time_s, duty[place], output)])
-    solved = finish(setup, [np.append(model.unknowns(p), np.zeros(setup.size - model.size))])
+    setup = replace(setup, extras=tuple(own), falls_as_left=p.release_as_left)  # as the fit of such a log has them
+    start = np.concatenate([model.unknowns(p), *own.values()])
+    solved = finish(setup, [np.append(start, np.zeros(setup.size - len(start)))])
     known, slopes = spread(solved), setup.slopes(duties)
     half = np.apply_along_axis(known.of, 2, slopes) / (slopes @ solved.x)
     unknown = [name in held_curves(solved) for name in PARAMETERS]

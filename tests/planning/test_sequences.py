@@ -1,5 +1,6 @@
 """Planned sequences: limits kept, widths as predicted, shorter than random."""
 
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -85,3 +86,12 @@ def test_a_plant_of_another_pace_is_planned_in_its_own_time(small_fit: eaid.Fit)
     want = {"Ts": 40.0, "tau1": 20.0, "tau2": 60.0}
     slow, quick = (eaid.plan(one, excitation=True, want=want, check=False) for one in (small_fit, fast))
     assert slow.met and quick.met and quick.time_on_rig_s < slow.time_on_rig_s / 50
+
+
+def test_a_check_fits_what_falls_to_rest_have_of_their_own() -> None:
+    """Fitted without, a plant whose release goes as the input that was left gave T_s ± 20 % and no τ2."""
+    found = plan_excitation(REFERENCE_PLANT, NOISE, WANT, Limits(engagements=4))
+    for own in ({"release_as_left": True, "release": (0.5, 5.0)}, {"release": (0.1, 2.0)}, {"falls": (0.6, 0.8)}):
+        rows = [recording_widths(found, replace(REFERENCE_PLANT, **own), NOISE, k) for k in range(3)]
+        for name in ("Ts", "tau1"):
+            assert max(row[name] for row in rows) < 3 * WANT[name], own
