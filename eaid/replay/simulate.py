@@ -1,6 +1,7 @@
 """Controllers on the fitted plant: a scenario, a reference, the rehabilitation, or recorded runs; one function."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -42,10 +43,12 @@ def simulate(
     runs: Sequence[Run] | None = None,
     progress: Progress = no_progress,
     own: Mapping[str, OwnLaw] = MappingProxyType({}),
+    one_run: bool = False,
 ) -> Replay:
     """`eaid.simulate` on what has been read: a reference as `signal_of` takes it, or recorded runs; a user's `own`
-    controllers. DataError where the fit holds no plant or a run has other units than the fit, UsageError where options
-    do nothing here or contradict each other."""
+    controllers; drawn plants as a mean run has them, or `one_run` that scatters beside it. DataError where the fit
+    holds no plant or a run has other units than the fit, UsageError where options do nothing here or contradict each
+    other."""
     what = "log" if runs is not None else "reference" if reference is not None else options.scenario or "multisine"
     options.check_for("function" if callable(reference) else what)
     if own and (options.plants is not None or what == "log"):
@@ -82,7 +85,7 @@ def simulate(
     else:
         signal = None if reference is None else signal_of(reference, dt_s, options.duration)
         wanted = reference_of(what if signal is None else signal, dt_s, scales, options.duration)
-        outcome = _tracked(fit, gains, plant, controllers, wanted, rig, options, progress)
+        outcome = _tracked(fit, gains, plant, controllers, wanted, rig, options, progress, one_run)
     records, head, more = outcome
     return Replay(
         Head(
@@ -128,9 +131,9 @@ def _rehabilitated(
 
 def _tracked(
     fit: Fit, gains: Gains | None, plant: PlantNumbers, controllers: Sequence[Controller], wanted: Reference,
-    rig: RigExtras, options: SimulateOptions, progress: Progress,
+    rig: RigExtras, options: SimulateOptions, progress: Progress, one_run: bool = False,
 ) -> Outcome:  # fmt: skip
-    """Each controller on the reference; and on drawn plants."""
+    """Each controller on the reference; and on drawn plants, of a mean run or of `one_run` that scatters beside it."""
     seed, records = options.seed, {}
     findings = reference_beyond(wanted, plant, "reference", fit.data.output_unit)
     Q_M = gains.rc.Q_M if gains is not None and gains.rc is not None else None
@@ -148,6 +151,10 @@ def _tracked(
     from eaid.replay.many import QUANTILES, montecarlo  # numba, which a replay of one plant does without
 
     drawn = draw(fit, count, seed)
+    if one_run and fit.uncertainty is not None and fit.uncertainty.noise is not None:
+        sd, random = fit.uncertainty.noise.scatter.get("Ts", 0.0), np.random.default_rng(seed + 1)
+        plants = tuple(p.scaled(float(np.exp(sd * random.standard_normal()))) for p in drawn.plants)
+        drawn = replace(drawn, plants=plants)
     findings += list(drawn.findings) if drawable(fit) else [finding("plants-all-alike", "nonlinear")]
     parameters = {
         f"plants/parameters/{name}": np.array([getattr(each, name) for each in drawn.plants])

@@ -22,7 +22,7 @@ from eaid.control.gains import law_of, plant_of, refuse_other_units
 from eaid.control.margins import enough, least_margins, points_of
 from eaid.errors import DataError, in_python
 from eaid.estimate.coefficients import CURVES_ORDER
-from eaid.findings import Finding, finding, sentences
+from eaid.findings import sentences
 from eaid.findings.row import SYMBOLS
 from eaid.options import CompareOptions
 from eaid.plant.forms import terms
@@ -30,15 +30,22 @@ from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Margin
-from eaid.sessions.gather import MANY, NO_INTERVAL, RESPONSES, SessionValue, snapped, told_together, values_of_fit
+from eaid.sessions.gather import (
+    MANY,
+    NO_INTERVAL,
+    RESPONSES,
+    SessionValue,
+    plant_moved,
+    snapped,
+    told_together,
+    values_of_fit,
+)
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import chance_beyond
 from eaid.shown import Plotted, pandas
 
 MOVED_CHANCE = 0.05
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
-# A dead time is another from so much of τ1 on, the share of the fast part from so much
-LEAST_LATE, LEAST_WORSE = 0.05, 0.03
 CALLED = SYMBOLS | {"held": "held output", "peak": "peak"}
 
 
@@ -208,7 +215,7 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
         if not any(one.quantity == "Ts" for one in found):
             raise DataError(f"{name}: shares no level with {first} at which both know T_s; record one that it holds")
         shifts += found
-        told += plant_moved(letters[name], fits[first], fits[name])
+        told += plant_moved(f"A against {letters[name]}", fits[first], fits[name])
     p, p_alike = holm([one.p for one in shifts]), holm([1.0 if one.p_alike is None else one.p_alike for one in shifts])
     held = [replace(one, p=p[k], p_alike=None if one.p_alike is None else p_alike[k]) for k, one in enumerate(shifts)]
     data = fits[first].data
@@ -218,20 +225,6 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
         values={letter: tuple(values_of_fit(fits[name], "Ts", letter)) for name, letter in letters.items()},
         retune=None if gains is None else _retune(fits[first], gains), findings=tuple(told),
     )  # fmt: skip
-
-
-def plant_moved(letter: str, one: Fit, other: Fit) -> list[Finding]:
-    """Said where the dead time or the share of the fast part is not another session's, which no level tells."""
-    if one.plant_ is None or other.plant_ is None:
-        return []
-    found = []
-    for name, symbol, unit, apart in (("dead_time_s", "dead time", " s", LEAST_LATE), ("C", "C", "", LEAST_WORSE)):
-        (a, a_ends), (b, b_ends) = ((getattr(p, name), getattr(p.ci95, name, None)) for p in (one.plant_, other.plant_))
-        (a_low, a_high), (b_low, b_high) = a_ends or (a, a), b_ends or (b, b)
-        least = apart * (float(one.plant.time_constants(one.plant.u_range[1])[0]) if name != "C" else 1.0)
-        if (a_low > b_high or b_low > a_high) and abs(a - b) > least:
-            found.append(finding("plant-moved", f"A against {letter}", (), what=symbol, a=a, b=b, unit=unit))
-    return found
 
 
 def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:

@@ -24,6 +24,9 @@ RIG_NAME = "the rig"  # What a fit of today is held against, which says itself w
 NO_RIG = 30.0  # Factor between T_s of two sessions that is another unit: mountings differ by 4
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
+# A dead time is another from so much of τ1 on, C and ζ from so much
+LEAST_LATE, LEAST_APART_C, LEAST_APART_ZETA = 0.05, 0.03, 0.05
+ASSUMED_DEGREES = 2.0  # Degrees of freedom of a scatter that was assumed: rigs have a half to twice of it
 MANY = 1e9  # Degrees of freedom of what is known for certain
 NO_INTERVAL = "no level has a T_s with an interval; fit the logs again, with «ci»"
 EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
@@ -55,6 +58,7 @@ def values_of_fit(fit: Fit, name: str, session: str, of_one_run: bool = False) -
     """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (of level 1), as its data tell; those
     without an interval only where they may be `of_one_run`, as if they were certain."""
     linear, pooled = fit.linear, sum(max(one.runs - 1, 0) for one in fit.responses)
+    most = ASSUMED_DEGREES if assumes_scatter(fit) else MANY
     rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
     if name in RESPONSES:
         rows = [(row.level, row) for row in fit.responses]
@@ -69,10 +73,15 @@ def values_of_fit(fit: Fit, name: str, session: str, of_one_run: bool = False) -
         if ends is not None and 0 < ends[0] <= value <= ends[1]:
             dof = min(getattr(row.ci95, "dof", {name: pooled}).get(name) or MANY, MANY)
             sd_log = float(np.log(ends[1] / ends[0]) / 2 / stdtrit(dof, 0.975))
-            found.append(SessionValue(session, level, value, sd_log, dof))
+            found.append(SessionValue(session, level, value, sd_log, min(dof, most)))
         elif of_one_run:
             found.append(SessionValue(session, level, value, 0.0))
     return found
+
+
+def assumes_scatter(fit: Fit) -> bool:
+    """Whether how runs scatter was assumed as usual, since single runs of few levels do not show it."""
+    return any(one.code == "single-runs-few-levels" for one in fit.findings)
 
 
 def of_another_plant(fit: Fit) -> list[tuple[float, CurveLevel]]:
@@ -139,7 +148,29 @@ def told_together(fits: Mapping[str, Fit]) -> list[Finding]:
     if faults:
         raise DataError(*faults)
     unusable = {name: fit.verdict.sentence for name, fit in fits.items() if not fit.verdict.usable}
-    return [finding("session-not-usable", name, why=why) for name, why in unusable.items()]
+    told = [finding("session-not-usable", name, why=why) for name, why in unusable.items()]
+    return told + [finding("session-assumes-scatter", name) for name, fit in fits.items() if assumes_scatter(fit)]
+
+
+def plant_moved(subject: str, one: Fit, other: Fit) -> list[Finding]:
+    """Said where the kind, the dead time, the share of the fast part or the damping is not another session's, which no
+    level tells."""
+    if one.plant_ is None or other.plant_ is None:
+        return []
+    if (kinds := (one.plant_.kind, other.plant_.kind))[0] != kinds[1]:
+        return [finding("kind-moved", subject, (), a=kinds[0], b=kinds[1])]
+    tau1, found = float(one.plant.time_constants(one.plant.u_range[1])[0]), []
+    for name, symbol, unit, least in (
+        ("dead_time_s", "dead time", " s", LEAST_LATE * tau1), ("C", "C", "", LEAST_APART_C),
+        ("zeta", "ζ", "", LEAST_APART_ZETA),
+    ):  # fmt: skip
+        (a, a_ends), (b, b_ends) = ((getattr(p, name), getattr(p.ci95, name, None)) for p in (one.plant_, other.plant_))
+        if a is None or b is None:
+            continue
+        (a_low, a_high), (b_low, b_high) = a_ends or (a, a), b_ends or (b, b)
+        if (a_low > b_high or b_low > a_high) and abs(a - b) > least:
+            found.append(finding("plant-moved", subject, (), what=symbol, a=a, b=b, unit=unit))
+    return found
 
 
 def _times(first: Fit, fit: Fit) -> float:

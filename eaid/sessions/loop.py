@@ -90,7 +90,7 @@ def promise_of(
             controller=(name,), plants=options.plants, seed=options.seed,
             pwm_hz=(timing.pwm_hz or 0.0) if timing else 0.0,
         )  # fmt: skip
-        given = simulate(fit, gains, how, (run.time_s - run.time_s[0], run.reference_nm))
+        given = simulate(fit, gains, how, (run.time_s - run.time_s[0], run.reference_nm), one_run=True)
     units, wanted = (run.input_unit, run.output_unit), (given.head.input_unit, given.head.output_unit)
     if units != wanted:
         raise DataError(f"{run.where}: is in {' and '.join(units)}, the promise in {' and '.join(wanted)}; say «units»")

@@ -226,6 +226,8 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
     told = gather.told_together(fits)
     sound = [fit for fit in fits.values() if fit.verdict.usable] or list(fits.values())
     base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
+    others = ((name, fit) for name, fit in fits.items() if fit is not base)
+    told += [one for name, fit in others for one in gather.plant_moved(f"session {name}", fit, base)]
     units = {"tau1": "s", "tau2": "s", "a0": "1/s", **dict.fromkeys(("Ts", *RESPONSES), base.data.output_unit)}
     found = {}
     for name in SESSION_NUMBERS:

@@ -235,3 +235,40 @@ def test_a_session_in_another_unit_is_no_mounting(before, make):
     """mN·m called N·m: the next session was foreseen within ×/÷ 144,000, without a word."""
     with pytest.raises(eaid.DataError, match="times that of A, which no mounting makes of a rig: was one of them"):
         eaid.compare(before, eaid.fit(make(37, np.log(1000.0))))
+
+
+def test_what_was_assumed_of_single_runs_is_told_and_is_not_certain(before, make):
+    """Of runs that scatter by 5 % where 3 % are assumed a third of such pairs was called changed."""
+    draw, t, both = np.random.default_rng(0), np.arange(2000) * 0.01, []
+    rise = np.where(t > 2, 1 - 0.85 * np.exp(-(t - 2) / 0.3) - 0.15 * np.exp(-(t - 2) / 5), 0.0)
+    for _ in "AB":
+        gains = {u: 0.04 * u * np.exp(0.05 * draw.normal()) for u in (20.0, 60.0, 100.0)}
+        both.append(eaid.fit({
+            f"{u:g}": pd.DataFrame({
+                "time_s": t, "duty_pct": np.where(t > 2, u, 0.0), "torque_nm": gain * rise + 0.01 * draw.normal(size=2000)
+            }) for u, gain in gains.items()
+        }))  # fmt: skip
+    found = eaid.compare(*both)
+    assert "session-assumes-scatter" in {one.code for one in found.findings}
+    assert found.shifts[0].quantity == "Ts" and found.shifts[0].dof < 10
+
+
+def test_another_kind_of_plant_is_told(before):
+    """One session rings, and T_s is the same."""
+    part = msgspec.structs.replace(before.plant_, kind="ringing", zeta=0.3)
+    other = msgspec.structs.replace(before, plant_=part, data=msgspec.structs.replace(before.data, sources=()))
+    assert "kind-moved" in {one.code for one in eaid.compare(other, before).findings}
+
+
+def test_a_promise_is_of_one_run(before, loop, tmp_path):
+    """Runs scatter beside their mean, and so does what a loop on one of them does."""
+    fit, gains, recorded = loop
+    recorded(1).to_csv(tmp_path / "loop.csv", index=False)
+
+    def width(scatter):
+        noise = msgspec.structs.replace(fit.uncertainty.noise, scatter={**fit.uncertainty.noise.scatter, "Ts": scatter})
+        one = msgspec.structs.replace(fit, uncertainty=msgspec.structs.replace(fit.uncertainty, noise=noise))
+        row = eaid.compare(one, tmp_path / "loop.csv", gains=gains, controller="pi", plants=40).promise.rows[0]
+        return row.high - row.low
+
+    assert width(0.1) > 2 * width(0.0)

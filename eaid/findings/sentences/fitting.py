@@ -38,6 +38,7 @@ HOLD = {
 LAGS_IN_WORDS = {
     "lag": "one lag", "series": "two lags in series", "ringing": "two states that ring",
     "zero": "two lags with a zero", "clutch": "the clutch's two lags over the input",
+    "parallel": "two lags in parallel", "overshoot": "two lags that overshoot",
 }  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from eaid.errors import on_command_line
 from eaid.findings.row import SYMBOLS, Row, Values, caution, note
+from eaid.findings.sentences.fitting import kind_in_words
 
 
 def _no_scatter(v: Values) -> str:
@@ -63,6 +64,17 @@ ROWS: dict[str, Row] = {
         "record a level of the others in each session"
     ),
     "several-sessions": caution(_one_of_several, always=True, rank=1, first="fit each session by itself"),
+    "session-assumes-scatter": caution(
+        "session {subject} has one run a level, and too few levels to show how runs scatter: 3 % of T_s are assumed: "
+        "a shift of a few times that may be chance; repeat each level"
+    ),
+    "kind-moved": caution(
+        lambda v: (
+            f"{v['subject']}: the plant is {kind_in_words(v['a'])}, for {kind_in_words(v['b'])}: loops that were made "
+            "for the other are not made for this, whatever T_s says"
+        ),
+        rank=-1,
+    ),
     "plant-moved": caution(
         "{subject}: {what} {a:.3g}{unit} for {b:.3g}{unit}, which T_s of no level tells: loops that were made for the "
         "other are not made for this",
