@@ -245,7 +245,8 @@ def test_what_was_assumed_of_single_runs_is_told_and_is_not_certain(before, make
         gains = {u: 0.04 * u * np.exp(0.05 * draw.normal()) for u in (20.0, 60.0, 100.0)}
         both.append(eaid.fit({
             f"{u:g}": pd.DataFrame({
-                "time_s": t, "duty_pct": np.where(t > 2, u, 0.0), "torque_nm": gain * rise + 0.01 * draw.normal(size=2000)
+                "time_s": t, "duty_pct": np.where(t > 2, u, 0.0),
+                "torque_nm": gain * rise + 0.01 * draw.normal(size=2000),
             }) for u, gain in gains.items()
         }))  # fmt: skip
     found = eaid.compare(*both)
