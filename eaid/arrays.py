@@ -78,3 +78,10 @@ def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
 def best_gain(curve: Array, y: Array) -> float:
     """The multiple of a curve that is nearest to y, shapes (n,); 0 of a curve that is 0."""
     return float(curve @ y) / max(float(curve @ curve), 1e-300)
+
+
+def lowest_places(costs: Array) -> NDArray[np.intp]:
+    """Where a row of costs has a minimum, the least first."""
+    framed = np.pad(costs, 1, constant_values=np.inf)
+    minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
+    return minima[np.argsort(costs[minima])]

@@ -108,19 +108,9 @@ def block_sizes(n: int) -> NDArray[np.int64]:
 
 @lru_cache(maxsize=256)  # the projections of long blocks take a megabyte each
 def gauss(n: int) -> tuple[Array, Array, Array]:
-    """Nodes and weights of n equal steps, and the projection to ŷ: `orthonormal` with the recurrence of Gram's
-    polynomials, β_k² = k² (n² − k²)/(4 (4k² − 1))."""
-    k, x = np.arange(1, POINTS_PER_BLOCK), np.arange(n) - 0.5 * (n - 1)
-    beta = 0.5 * k * np.sqrt((n - k) * (n + k) / (4.0 * k * k - 1.0))
-    basis = np.empty((POINTS_PER_BLOCK, n))
-    basis[0], before = 1 / np.sqrt(n), np.zeros(n)
-    for j, size in enumerate(beta.tolist(), 1):
-        basis[j] = (x * basis[j - 1] - before) / size
-        before = size * basis[j - 1]
-    nodes, vectors = np.linalg.eigh(np.diag(beta, 1) + np.diag(beta, -1))
-    vectors = vectors * np.sign(vectors[0])
-    weights = n * vectors[0] ** 2
-    return 0.5 * (n - 1) + nodes, weights, basis.T @ (vectors / np.sqrt(weights))
+    """Nodes and weights of n equal steps, and the projection to ŷ."""
+    nodes, weights, projection = orthonormal(np.arange(n, dtype=np.float64), POINTS_PER_BLOCK)
+    return nodes, weights, projection / np.sqrt(weights)
 
 
 def nodes_of(

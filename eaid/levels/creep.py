@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, lowest_places, median
 from eaid.estimate.data import Data, data_of
 from eaid.estimate.scatter import log_jacobian, scatter_about
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
@@ -114,11 +114,7 @@ def _share_and_rate(levels: Sequence[Level], t0: Array, share: float | None, idl
     tried = sorted({0.0, idle, *(side * part * per_hold for part in GROWTH for side in (-1, 1))})
     ends = [fit_levels_first(less_creep(data, rate, t0), share, [first.x]) for rate in tried]
     costs = np.array([float(weight @ one.at.cost) for one in ends])
-    framed = np.pad(costs, 1, constant_values=np.inf)
-    minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
-    found = [
-        _solve_near(levels, data, t0, tried[k], ends[k].x, share) for k in minima[np.argsort(costs[minima])][:BEST]
-    ]
+    found = [_solve_near(levels, data, t0, tried[k], ends[k].x, share) for k in lowest_places(costs)[:BEST]]
     rate, near, (errors, degrees) = min(found, key=lambda one: float(weight @ one[1].solved.at.cost))
     of_C, of_rate = zip(errors.tolist(), degrees.tolist(), strict=True)
     C = Told(float(near.solved.x[-1]), *of_C) if share is None else Told(share, 0.0, of_C[1])

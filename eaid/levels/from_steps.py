@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from eaid.arrays import Array, scaled_inverse
+from eaid.arrays import Array, lowest_places, scaled_inverse
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Constraints, Model, linear, nonlinear
 from eaid.estimate.points import Normal, level_normal, level_residuals
@@ -197,9 +197,7 @@ def fit_linear(data: Data) -> Solution:
     steps = StepProblem(data, replace(model, Ts=None), np.ones(len(data.u)), model.Ts.rows(data.u))
     grid = np.geomspace(0.3 * data.shortest_s, 3 * data.longest_s, A0_GRID)[:, None]
     costs = np.array([steps.normal(x)[0] for x in grid])
-    framed = np.pad(costs, 1, constant_values=np.inf)
-    minima = np.flatnonzero((costs <= framed[:-2]) & (costs <= framed[2:]))
-    return minimise(steps, grid[minima[np.argsort(costs[minima])][:A0_STARTS]])
+    return minimise(steps, grid[lowest_places(costs)[:A0_STARTS]])
 
 
 def fit_levels_first(

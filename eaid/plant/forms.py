@@ -14,13 +14,12 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
+from numpy.polynomial.legendre import legvander
 from numpy.polynomial.polynomial import polyder, polyval
 
 from eaid.arrays import Array
 from eaid.errors import DataError
 
-# Coefficients of the first four Legendre polynomials, lowest power first, one in a row
-LEGENDRE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [-0.5, 0.0, 1.5, 0.0], [0.0, -1.5, 0.0, 2.5]])
 Range = tuple[float, float]  # Lowest and highest identified input, by size
 # From which input on, and the cubic that holds from there, of the input above it, lowest power first
 CubicPiece = tuple[float, float, float, float, float]
@@ -50,8 +49,7 @@ class LegendreForm:
     def rows(self, u: Array) -> Array:
         """∂ value/∂ coefficients at some inputs, (m, size)."""
         half = 0.5 * (self.high - self.low)
-        scaled = (np.asarray(u) - 0.5 * (self.high + self.low)) / (half or 1.0)
-        return np.asarray(scaled[:, None] ** np.arange(4) @ LEGENDRE.T[:, : self.size])
+        return np.asarray(legvander((np.asarray(u) - 0.5 * (self.high + self.low)) / (half or 1.0), self.degree))
 
     def powers(self, c: Array) -> Array:
         """The same polynomial in powers of u, lowest first, (size,)."""

@@ -155,15 +155,9 @@ def refit_with_creeps(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solv
     plain = tuple(take_off_creep(log, one) for log, one in zip(logs, creeps_of(ended), strict=True))
     before, x = ended.fitted, ended.x.copy()
     x[[place.own[3:] for place in before.places]] = 0.0
-    setup = setup_of(before.model, plain, before.idle_free, before.dead_time_s)
-    drives = setup.every.drives if before.model.kind == "swing" else setup.drives
-    return replace(
-        ended,
-        fitted=replace(
-            setup, extras=before.extras, creeping=len(logs), drives=drives, falls_as_left=before.falls_as_left
-        ),
-        x=x,
-    ), plain
+    as_left, extras = before.falls_as_left, before.extras
+    setup = setup_of(before.model, plain, before.idle_free, before.dead_time_s, as_left, extras, len(logs))
+    return replace(ended, fitted=setup, x=x), plain
 
 
 def hold_creeps(solved: Solved) -> Solved:

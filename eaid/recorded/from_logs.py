@@ -237,9 +237,11 @@ class Setup:
 
 
 def setup_of(
-    model: Model, logs: Sequence[RecordedLog | Copies], idle_free: bool = True, dead_time_s: float = 0.0
-) -> Setup:
-    """Logs and a model behind a dead time, with the copies on which its fit is looked for, where they are not there."""
+    model: Model, logs: Sequence[RecordedLog | Copies], idle_free: bool = True, dead_time_s: float = 0.0,
+    falls_as_left: bool = False, extras: tuple[str, ...] = (), creeping: int = 0,
+) -> Setup:  # fmt: skip
+    """Logs and a model behind a dead time, with the copies on which its fit is looked for, where they are not there;
+    what rings is no polynomial on the blocks of the few rows."""
     copies = tuple(one if isinstance(one, Copies) else Copies(one, dead_time_s) for one in logs)
     all_logs = [one.log for one in copies]
     longest = max(float(log.time_s[-1] - log.time_s[0]) for log in all_logs)
@@ -248,8 +250,10 @@ def setup_of(
         np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in all_logs
     ]
     hold = float(max(holds))
-    small = tuple(one.small for one in copies)
-    return Setup(model, small, (), idle_free, copies, longest, shortest, hold, dead_time_s)
+    rows = tuple(one.every if model.kind == "swing" else one.small for one in copies)
+    return Setup(
+        model, rows, extras, idle_free, copies, longest, shortest, hold, dead_time_s, creeping, falls_as_left
+    )  # fmt: skip
 
 
 def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:

@@ -127,6 +127,4 @@ def _bridge_unseen(x: Array, fitted: Setup, kept: Sequence[RecordedLog]) -> None
 
 def _set_up_like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:
     """The setup of other logs for the same model."""
-    setup = setup_of(fitted.model, logs, fitted.idle_free, fitted.dead_time_s)
-    drives = setup.drives if setup.model.kind != "swing" else setup.every.drives
-    return replace(setup, extras=fitted.extras, drives=drives, falls_as_left=fitted.falls_as_left)
+    return setup_of(fitted.model, logs, fitted.idle_free, fitted.dead_time_s, fitted.falls_as_left, fitted.extras)

@@ -309,10 +309,7 @@ def refit_on_all(search: Search, one: Tried, last: bool = False) -> Tried:
         return one
     solved, model = one.solved, one.solved.setup.model
     theta = solved.setup.dead_time(solved.x)
-    setup = setup_of(model, search.copies(theta), True, theta)
-    setup = replace(setup, extras=solved.setup.extras, falls_as_left=search.falls_as_left)
-    if model.kind == "swing":  # what rings is no polynomial on the blocks of the few rows
-        setup = replace(setup, drives=setup.every.drives)
+    setup = setup_of(model, search.copies(theta), True, theta, search.falls_as_left, solved.setup.extras)
     if not last:
         end = approach(setup.problem(), solved.x, near=KINDS_SETTLED)
         return replace(one, solved=replace(solved, fitted=setup, x=end.x, cost=end.cost), within=0.0)

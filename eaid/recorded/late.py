@@ -100,7 +100,7 @@ def fit_behind_dead_time(
     dead_s, acting = 0.0, tuple(logs)
     if tried := of_steps_s if given_s is None else given_s:
         moved = tuple(mark_rest_behind(log, tried) for log in logs)
-        behind = fit_setup(replace(setup_of(model, [*moved, *steps], rests, tried), falls_as_left=as_left))
+        behind = fit_setup(setup_of(model, [*moved, *steps], rests, tried, as_left))
         at_rest = behind.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
         if given_s is not None or behind.cost < (REST_COST if at_rest else 1 - LOWER) * base.cost:
             base, dead_s, acting = behind, tried, moved
@@ -118,7 +118,7 @@ def fit_behind_dead_time(
         return Timed(base, acting, late)
     acting = tuple(mark_rest_behind(shift_input(log, one.rows), dead_s) for log, one in zip(logs, late, strict=True))
     if any(one.rows for one in found):
-        base = fit_setup(replace(setup_of(model, [*acting, *steps], rests, dead_s), falls_as_left=as_left))
+        base = fit_setup(setup_of(model, [*acting, *steps], rests, dead_s, as_left))
     if dead_s or base.fitted.between_rows:
         x, setup = base.x, base.fitted
         at = setup.shared
