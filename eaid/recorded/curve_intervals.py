@@ -40,7 +40,7 @@ def score_end(solved: Solved, noise: EngagementScatter, x: Array, covariance: Ar
             return None
         damped = curvature + DAMPING * np.diag(np.diagonal(curvature))
         place = approach(bound, moved + newton_step(bound, moved, gradient, damped).d).x
-        if not np.isfinite(problem.normal(place)[2]).all():
+        if float(g @ place) <= 0 or not np.isfinite(problem.normal(place)[2]).all():
             return None
         step, there = newton(solved.fitted, noise, place)
         wider = max(float(g @ there @ g) / usual, 1e-300) ** 0.5

@@ -145,6 +145,8 @@ def read_as(path: Path, type_: type[R]) -> tuple[R, tuple[Finding, ...]]:
     """A result file as its type, and what was left out or changed, as findings; DataError where it is no such file."""
     kind: str = type_.FILE  # type: ignore[attr-defined]
     wanted = f"the {kind}.json that eaid wrote"
+    if path.is_dir():
+        raise DataError(f"{path}: is a folder; give {wanted}, of logs what eaid fit makes of them")
     if not path.is_file():
         raise DataError(f"{path}: no such file; give {wanted}")
     text, content = _content(path, wanted)

@@ -18,6 +18,7 @@ from eaid.declared import given_options, part
 from eaid.errors import DataError
 from eaid.estimate.coefficients import CURVES_ORDER, with_intervals
 from eaid.findings import Finding, finding, ranked, stops
+from eaid.findings.sentences.fitting import kind_in_words
 from eaid.levels.workflow import fit_steps
 from eaid.options import FitOptions, ReadOptions
 from eaid.plant.forms import scales, terms
@@ -61,9 +62,16 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
         raise DataError(f"{again[0].path}: is a log of session {was} already; give a step of the new session")
     told_together({RIG_NAME: base, "today": shown})
     steps = {name: _steps(rig, shown, name) for name in rig.quantities}
+    if not shown.level_values:
+        raise DataError("the logs hold no step from rest, which a reference step is; record one, from rest to a level")
     if not len(steps["Ts"].y):
         raise DataError("no reference step has a T_s above 0; record one whose output rises")
     rows = base.level_values
+    if not rows and base.plant_ is not None:
+        raise DataError(
+            f"the rig's plant is {kind_in_words(base.plant_.kind)}, of which a reference step tells T_s alone; fit the "
+            "logs of the new session, and hold them against the others with eaid compare"
+        )
     levels, model = np.array([row.level for row in rows]), rig.main.model(rig.names)
     if not np.isin(model.part_at(steps["Ts"].level), model.part_at(levels)).any():
         there = ", ".join(f"{u:.4g}" for u in levels.tolist()) + f" {rig.input_unit}".rstrip()

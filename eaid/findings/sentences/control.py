@@ -143,8 +143,12 @@ ROWS: dict[str, Row] = {
         size="share_pct",
     ),
     "range-left-open": caution(
-        "the guarantee speaks of plants whose B lies within {B_m:.4g} … {B_M:.4g}, as fitted; these data leave "
-        "{low:.4g} … {high:.4g} open, and of plants beyond that range it says nothing; more runs narrow it"
+        lambda v: (
+            f"the guarantee speaks of plants whose B lies within {v['B_m']:.4g} … {v['B_M']:.4g}, as fitted; the data "
+            f"leave {v['low']:.4g} … {v['high']:.4g} open, and of plants beyond that range it says nothing"
+            + "; more runs narrow it"
+            * (v["low"] < v["B_M"] and v["high"] > v["B_m"])
+        )
     ),
     "gains-of-another-fit": caution(
         "the gains were made from another fit ({path}), and their margins are those of its plant; run eaid tune-rc on "

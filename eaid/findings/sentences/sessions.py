@@ -33,9 +33,8 @@ def _falls_short(v: Values) -> str:
         if v["scatter_pct"] is not None
         else "a longer «longest_hold» or a quieter sensor is needed"
     )
-    return (
-        f"{v['symbol']} comes to {v['width_pct']:.3g} %, not {v['wanted_pct']:g} %, with all that is allowed: {cause}"
-    )
+    width = next(said for digits in range(3, 10) if (said := f"{v['width_pct']:.{digits}g}") != f"{v['wanted_pct']:g}")
+    return f"{v['symbol']} comes to {width} %, not {v['wanted_pct']:g} %, with all that is allowed: {cause}"
 
 
 ROWS: dict[str, Row] = {
