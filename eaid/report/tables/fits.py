@@ -121,7 +121,7 @@ def table_iii(fit: Fit) -> Table:
     of_paper = of_the_paper(fit.data)
     curves = "τ1(u), τ2(u)" if part.Ts_through else "τ1(u), τ2(u) and T_s(u)"
     caption = f"The nonlinear model: {curves} as polynomials of the input u."
-    caption += " T_s(u) goes through the values of the levels." * bool(part.Ts_through)
+    caption += " T_s(u) goes through values of its own (Ts_through in fit.json)." * bool(part.Ts_through)
     if of_paper:
         caption += " The published T_s gives 0.057 N·m at full duty, where the paper's own figures show about 4 N·m."
     return table_of(
