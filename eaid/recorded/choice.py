@@ -533,12 +533,15 @@ def _fit_clutch(
         base = lay_over_all(base, inputs)
     if options.through:
         base = refit_through_levels(base, inputs)
-    elif (knots := find_knots(base, inputs)) is not None:
+    ask_knots = options.curve == "auto" and not options.through
+    if ask_knots and (knots := find_knots(base, inputs)) is not None:
         base = fit_through(base, knots)
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
         base, of_falls, more = test_falls(plain, inputs, free)
-        if base is not plain and (knots := find_knots(base, inputs)) is not None:  # which what falls have hid
+        if (
+            ask_knots and base is not plain and (knots := find_knots(base, inputs)) is not None
+        ):  # which what falls have hid
             plain = fit_through(plain, knots)
             base, of_falls, more = test_falls(plain, inputs, free)
         findings += more
@@ -558,10 +561,11 @@ def find_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Knots | Non
     """T_s(u) through values at `count` inputs, or more, where logs ask for more than a cubic, be it for falls or a
     hysteresis that they do not have; None where they do not, or hold few levels, or have such a T_s(u)."""
     model, first = base.setup.model, base.setup.model.slices[0].stop
-    if (inputs.stepwise and len(inputs.levels) <= FEW_LEVELS) or count <= first:
-        return None
+    few = inputs.stepwise and len(inputs.levels) <= FEW_LEVELS
     sizes = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.fitted.every.drives]))
     sizes = sizes[(sizes > 0) & (sizes >= model.low) & (sizes <= model.high)]
+    if few or count <= first or len(sizes) < count:
+        return None
     at = np.array([model.low, *np.quantile(sizes, np.linspace(0, 1, count)[1:-1]), model.high])
     if (np.diff(at) < LEAST_APART_KNOTS * (model.high - model.low)).any():
         at = np.linspace(model.low, model.high, count)

@@ -356,6 +356,7 @@ def test_a_torque_that_follows_no_cubic_is_no_fall_of_its_own(name):
     for level in (20.0, 50.0, 80.0):
         assert float(fit.plant.steady(level)) == pytest.approx(float(CURVES[name](level)), rel=0.012)
     assert eaid.tune_rc(judged(fit)).margins.worst["pi"].gain_db >= 6
+    assert not fit_recorded(logs, FitOptions(curve="cubic", ci="none")).plant.Ts_through
 
 
 def test_a_cubic_torque_stays_one():
