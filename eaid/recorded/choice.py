@@ -541,7 +541,7 @@ def _fit_clutch(
         base, of_falls, more = test_falls(plain, inputs, free)
         if (
             ask_knots and base is not plain and (knots := find_knots(base, inputs)) is not None
-        ):  # which what falls have hid
+        ):  # hid by them
             plain = fit_through(plain, knots)
             base, of_falls, more = test_falls(plain, inputs, free)
         findings += more
