@@ -539,9 +539,7 @@ def _fit_clutch(
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
         base, of_falls, more = test_falls(plain, inputs, free)
-        if (
-            ask_knots and base is not plain and (knots := find_knots(base, inputs)) is not None
-        ):  # hid by them
+        if ask_knots and base is not plain and (knots := find_knots(base, inputs)) is not None:  # hid by them
             plain = fit_through(plain, knots)
             base, of_falls, more = test_falls(plain, inputs, free)
         findings += more
