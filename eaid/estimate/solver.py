@@ -283,7 +283,9 @@ def with_second_derivatives(problem: Problem) -> Problem:
 FINISHED = 1e-15  # Polishing ends where the Newton step predicts less than this part of the cost
 # The last step, too small to be seen in the cost, is taken where it changes no unknown by more than this part
 LAST_STEP_PART = 1e-4
-CONVERGED = 1e-9  # A fit has converged where the Newton step would lower the cost by less than this part of it
+# A fit has converged where the Newton step would lower the cost by less than this part: where τ2 meets τ1 rounding
+# keeps some 1e-9 out of reach
+CONVERGED = 1e-8
 
 
 def polish(
@@ -295,8 +297,7 @@ def polish(
     """
     x, evaluations = end.x, end.evaluations + 1
     cost, gradient = problem.value(x)
-    curvature = problem.curvature(x)
-    step = newton_step(problem, x, gradient, curvature)
+    step = newton_step(problem, x, gradient, problem.curvature(x))
     for _ in range(steps):
         if step.decrease <= finished * cost:
             break
@@ -308,9 +309,8 @@ def polish(
                 break
         else:
             break
-        curvature = curvature if step.decrease <= SOLVE_SETTLED * cost else problem.curvature(reached)
         x, cost, gradient = reached, lower, slope
-        step = newton_step(problem, x, gradient, curvature)
+        step = newton_step(problem, x, gradient, problem.curvature(x))
     predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
     if step.decrease <= SOLVE_SETTLED * cost and (np.abs(step.d) <= LAST_STEP_PART * np.abs(x)).all():
         x = draw_back_inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do

@@ -96,12 +96,14 @@ def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None
     """Least and largest B over the kept levels (all where `wanted` is None, but for those whose output stays at rest);
     levels without a positive b0 have none."""
     chosen = [row for row in rows if wanted is None or row.level in wanted]
-    known = [row.B for row in chosen if row.B is not None and (wanted is not None or row.level not in at_rest(rows))]
+    known = [
+        row.B for row in chosen if row.B is not None and (wanted is not None or row.level not in levels_at_rest(rows))
+    ]
     levels = tuple(row.level for row in chosen)
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def at_rest(rows: Sequence[LinearLevel]) -> list[float]:
+def levels_at_rest(rows: Sequence[LinearLevel]) -> list[float]:
     """Levels whose output all but stays at rest, as below a clutch's onset: their B is as large as one likes."""
     top = max((row.gain for row in rows), default=0.0)
     return [row.level for row in rows if row.B is None or row.gain <= RESTING * top]

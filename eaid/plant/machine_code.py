@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 
 import numba
 
-F = TypeVar("F", bound=Callable[..., Any])
+Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def compiled(function: F, files: Iterable[Path], **options: Any) -> F:
+def compiled(function: Function, files: Iterable[Path], **options: Any) -> Function:
     """The function in machine code that is made anew where any of its source `files` changes."""
     sources = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     function.__qualname__ += f"_{sources[:16]}"
@@ -25,7 +25,7 @@ def compiled(function: F, files: Iterable[Path], **options: Any) -> F:
         return numba.njit(error_model="numpy", **options)(function)  # type: ignore[no-any-return]
 
 
-def machine_code(**options: Any) -> Callable[[F], F]:
+def machine_code(**options: Any) -> Callable[[Function], Function]:
     """`compiled` of what is made of this room alone, as a decorator."""
     room = sorted(Path(__file__).parent.glob("*.py"))
     return lambda function: compiled(function, room, **options)

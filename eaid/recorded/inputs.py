@@ -18,7 +18,7 @@ FEW_LEVELS = 20  # Levels that are shown each by itself, at most
 TAIL = 0.01  # Part of the acting time that a moving input may spend below the identified range
 NEXT_TO_REST = 0.02  # Part of the largest input below which one that moves is at rest
 BEYOND_INPUTS = 0.02  # Part of the largest input by which inputs lie beyond others at least
-LEAST_BEYOND = 0.01  # Part of the time under load, beyond a range that was asked for, from which it goes on
+LEAST_TIME_BEYOND = 0.01  # Part of the time under load, beyond a range that was asked for, from which it goes on
 LEAST_OUTPUTS, LEAST_OF_ALL = 10, 50  # Rows of one log, and of all: a plant has up to nine unknowns
 FEW_VALUES = 5  # Different outputs up to which an input that moves all the time is taken for the output
 INPUT_JUMP = 0.1  # A jump, as a part of the largest input
@@ -88,7 +88,7 @@ def _highest_acting(logs: Sequence[RecordedLog], high: float) -> float:
     loaded = np.concatenate([log.dt_s[log.input != 0] for log in logs])
     sizes = np.concatenate([np.abs(log.input[log.input != 0]) for log in logs])
     beyond = sizes > high + BEYOND_INPUTS * sizes.max(initial=0.0)
-    return float(sizes.max()) if loaded[beyond].sum() > LEAST_BEYOND * loaded.sum() else high
+    return float(sizes.max()) if loaded[beyond].sum() > LEAST_TIME_BEYOND * loaded.sum() else high
 
 
 def refuse(logs: Sequence[RecordedLog]) -> None:
