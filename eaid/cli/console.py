@@ -96,7 +96,7 @@ def _width_of(stream: TextIO) -> int | None:
     return shutil.get_terminal_size().columns if stream.isatty() else None
 
 
-def aloud(message: str) -> None:
+def speak(message: str) -> None:
     """Tell the user something, on stderr."""
     if not QUIET.get():
         print(wrapped(message, sys.stderr), file=sys.stderr)
@@ -131,7 +131,7 @@ def tell(findings: "Iterable[Finding]", verbose: bool = False) -> None:
     for one in shown:
         _mark(WORD[one.severity], on_command_line(sentence(one)))
     if len(ordered) > len(shown):
-        aloud(f"and {len(ordered) - len(shown)} more: --verbose shows all")
+        speak(f"and {len(ordered) - len(shown)} more: --verbose shows all")
 
 
 def _mark(kind: str, message: str) -> None:
@@ -175,10 +175,10 @@ def _progress_lines(label: str, total: int) -> Iterator[Callable[[], None]]:
     def tell() -> None:
         while not over.wait(EVERY_S):
             spent = f"{done} done, " * (done > 0) + f"{time.monotonic() - began:.0f} s"
-            aloud(f"{label}: {done} of {total}" if total else f"{label}: {spent}")
+            speak(f"{label}: {done} of {total}" if total else f"{label}: {spent}")
 
     if total:
-        aloud(f"{label}: {total} to do")
+        speak(f"{label}: {total} to do")
     teller = threading.Thread(target=tell, daemon=True)
     teller.start()
     try:
@@ -202,7 +202,7 @@ def show(*parts: "Table | str") -> None:
 def done(path: "Path", what: str, after: "str | Sequence[str | Path | None]") -> None:
     """The closing line: the file, what it holds, and what to do next, a text or the words of a command of eaid."""
     words = after if isinstance(after, str) else shlex.join(["eaid", *(str(word) for word in after if word)])
-    aloud(f"{path}: {what}; next: {words}")
+    speak(f"{path}: {what}; next: {words}")
 
 
 def print_json(result: object, kind: str = "") -> None:

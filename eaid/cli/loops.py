@@ -63,7 +63,7 @@ def tune_rc(
     """
     from eaid.report.tables import gains as tables
     from eaid.results import codec
-    from eaid.results.summary import cautions
+    from eaid.results.summary import list_cautions
 
     file = Path(reference) if reference and reference not in TRACKED else None
     fitted, warnings = codec.read_as(fit, eaid.Fit)
@@ -71,7 +71,9 @@ def tune_rc(
     gains = stamped(eaid.tune_rc(fitted, how, reference=reference), args, fit=fit, reference=file)
     gains.save(output, args.force)
     shown = tables.tables_of(gains)[: None if args.verbose else 1]
-    tell_result(args, gains, [*cautions(fitted), *tables.guarantee_story(gains), *shown], [*gains.findings, *warnings])
+    tell_result(
+        args, gains, [*list_cautions(fitted), *tables.guarantee_story(gains), *shown], [*gains.findings, *warnings]
+    )
     console.done(output, f"gains of {' and '.join(gains.laws)}", ("simulate", fit, output))
 
 
@@ -89,7 +91,7 @@ def simulate(
     from eaid.logs.folders import files_read
     from eaid.report.tables.replays import tables_of
     from eaid.results.replay_file import as_json, write_replay
-    from eaid.results.summary import cautions
+    from eaid.results.summary import list_cautions
 
     if not log and columns.given():
         raise UsageError("--columns, --units, --repair and --variable belong to --log; leave them out")
@@ -102,7 +104,7 @@ def simulate(
     )
     replay = replace(replay, head=stamped(replay.head, args, **files, log=log))
     write_replay(output, replay, args.force)
-    tell_result(args, as_json(replay), [*cautions(fitted), *tables_of(replay)], [*replay.findings, *warnings])
+    tell_result(args, as_json(replay), [*list_cautions(fitted), *tables_of(replay)], [*replay.findings, *warnings])
     summary = f"{replay.head.scenario} with {', '.join(sorted(replay.records)[:5])}"
     console.done(output, summary, ("report", args.fit, args.gains, output))
 
@@ -116,14 +118,14 @@ def couple(how: CoupleOptions, args: FitAndGains, output: Path = written("couple
     Example: eaid couple fit.json --gains gains.json --torque 1,2,3 --wall 3
     """
     from eaid.report.tables.gains import walls_table
-    from eaid.results.summary import cautions
+    from eaid.results.summary import list_cautions
 
     fitted, tuned, warnings = args.read()
     refuse_to_overwrite(output, args.force, filter(None, (args.fit, args.gains)))
     coupling = eaid.couple(fitted, tuned, how, progress=console.progress)
     coupling = stamped(coupling, args, fit=args.fit, gains=args.gains)
     coupling.save(output, args.force)
-    tell_result(args, coupling, [*cautions(fitted), walls_table(coupling)], [*warnings, *coupling.findings])
+    tell_result(args, coupling, [*list_cautions(fitted), walls_table(coupling)], [*warnings, *coupling.findings])
     console.done(output, f"{len(coupling.walls)} walls", ("report", args.fit, args.gains, output))
 
 
@@ -141,14 +143,14 @@ def export(
     """
     from eaid.export.export import export as exported
     from eaid.results.common import Input
-    from eaid.results.summary import cautions
+    from eaid.results.summary import list_cautions
 
     gains, fit, paths = _read(files)
     inputs = tuple(Input.of(path) for path in paths)
     command = shlex.join(["eaid", *sys.argv[1:]]) if sys.argv[1:2] == ["export"] else ""
     made = exported(gains, fit, how, output, args.force, command, inputs)
-    for line in cautions(fit) if fit is not None else ():
-        console.aloud(line)
+    for line in list_cautions(fit) if fit is not None else ():
+        console.speak(line)
     console.tell(made.findings, args.verbose)
     if args.json:
         console.print_json(made)
@@ -174,7 +176,7 @@ def _read(paths: list[Path]) -> "tuple[eaid.Gains | None, eaid.Fit | None, list[
     gains, warnings = codec.read_as(files["gains"], eaid.Gains) if "gains" in files else (None, ())
     if gains is not None and "fit" not in files and (beside := fit_beside(gains, files["gains"])) is not None:
         files["fit"] = beside
-        console.aloud(f"with {beside}, which the gains were made from")
+        console.speak(f"with {beside}, which the gains were made from")
     fit, more = codec.read_as(files["fit"], eaid.Fit) if "fit" in files else (None, ())
     if fit is not None and plant_of(fit) is None:
         raise DataError(f"{files['fit']}: holds no plant; fit clutch logs with a nonlinear model, or logs as recorded")

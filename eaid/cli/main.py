@@ -133,7 +133,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
             if code not in (0, UNUSABLE) and interrupted:
                 code, sentences = 130, (INTERRUPTED,)
             for sentence in sentences if {"-v", "--verbose"} & set(given) else once_each(sentences):
-                (console.aloud if sentence.startswith("try: ") else console.fail)(on_command_line(sentence))
+                (console.speak if sentence.startswith("try: ") else console.fail)(on_command_line(sentence))
     except EaidError as fault:  # what was printed cannot be stored
         code = fault.exit_code
         console.fail(str(fault))

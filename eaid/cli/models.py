@@ -41,10 +41,10 @@ def ingest(
     from eaid.reading import read_steps
 
     refuse_to_overwrite(output, args.force, files_read(logs))
-    runs, stepset = read_steps(logs, reading, console.progress, console.warn, console.aloud, "ingest")
+    runs, stepset = read_steps(logs, reading, console.progress, console.warn, console.speak, "ingest")
     if write_manifest:
         at = write(files_of(logs), {**stepset.reading, "kind": stepset.kind}, args.force)
-        console.aloud(f"{at}: written; eaid ingest {at.parent} needs no options now")
+        console.speak(f"{at}: written; eaid ingest {at.parent} needs no options now")
     write_dataset(output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     tell_result(args, ingested(stepset), steps_shown(stepset), (), "ingest")
     console.done(output, counts(stepset), ("fit", output))
@@ -80,7 +80,7 @@ def fit(
         refuse_to_overwrite(output, args.force)
         data = _follow(data, reading, follow, against, plan)
     refuse_to_overwrite(output, args.force, files_read(data))
-    stepset = read_steps(data, reading, console.progress, console.warn, console.aloud)[1]
+    stepset = read_steps(data, reading, console.progress, console.warn, console.speak)[1]
     result = stamped(eaid.fit(stepset, how, progress=console.progress), args)
     result.save(output, args.force)
     lines = *verdict_line(result), *answer(result), usable_line(result), f"next   {_next(result, output)}"
@@ -92,7 +92,7 @@ def fit(
     tell_result(args, result, shown, result.findings)
     models = ("friction", "nonlinear", "linear", "release", "steps")
     parts = ", ".join(name for name in models if getattr(result, name)) or "no model"
-    console.aloud(f"{output}: {parts} of {runs(result, f'{result.data.kind} run')}")
+    console.speak(f"{output}: {parts} of {runs(result, f'{result.data.kind} run')}")
     return exit_code_of(result, output)
 
 
@@ -118,16 +118,16 @@ def _follow(
     from eaid.sessions.rig import Rig
 
     rig = codec.read_as(against, Rig)[0] if against is not None else None
-    console.aloud("following; Ctrl-C ends it with the fit")
+    console.speak("following; Ctrl-C ends it with the fit")
     unread = set[Path]()
     try:
         for line in followed(data, reading, silence_s, unread, rig, plan):
-            console.aloud(on_command_line(line))
+            console.speak(on_command_line(line))
     except KeyboardInterrupt:
-        console.aloud("followed to here; fitting")
+        console.speak("followed to here; fitting")
     if not unread:
         return data
-    console.aloud(f"left out: {', '.join(sorted(file.name for file in unread))}")
+    console.speak(f"left out: {', '.join(sorted(file.name for file in unread))}")
     return [file for file in files_of(data) if file not in unread]
 
 
@@ -175,7 +175,7 @@ def plan(
         for file, lines in zip(parts, contents, strict=True):
             file.write_text("\n".join(lines) + "\n", encoding="utf-8")
     tell_result(args, plan, plan_shown(plan), (*warnings, *plan.findings))
-    console.aloud(f"{', '.join(map(str, files))}: {cost(plan)}")
+    console.speak(f"{', '.join(map(str, files))}: {cost(plan)}")
 
 
 @takes

@@ -64,7 +64,7 @@ def today(
 
     known, warnings = codec.read_as(rig, Rig)
     refuse_to_overwrite(output, args.force, [rig, *files_read(steps)])
-    data = read_steps(steps, reading_of(known, reading), console.progress, console.warn, console.aloud)[1]
+    data = read_steps(steps, reading_of(known, reading), console.progress, console.warn, console.speak)[1]
     fit = stamped(today(known, data), args)
     fit.save(output, args.force)
     one = next(found for found in fit.findings if found.code == "for-today")
@@ -74,7 +74,7 @@ def today(
     values = [line for line in answer(fit)[1:] if not line.startswith(("used", "logs"))]
     shown = [*map(on_command_line, verdict_line(fit)), f"today   {say(one)}", *map(on_command_line, values), after]
     tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
-    console.aloud(f"{output}: a fit for today")
+    console.speak(f"{output}: a fit for today")
     return exit_code_of(fit, output)
 
 
@@ -122,4 +122,4 @@ def compare(
     lines = [*map(on_command_line, found.lines()), f"next    eaid {shlex.join(after)}"]
     tables = (shifts_table(found), changes_table(found)) if args.verbose else ()
     tell_result(args, found, [*lines, *tables], [*warnings, *found.findings])
-    console.aloud(f"{output}: the comparison")
+    console.speak(f"{output}: the comparison")

@@ -28,10 +28,10 @@ from eaid.control.kinds import LAW_KINDS, Law, row_of_gains
 from eaid.control.pi import PIGains
 from eaid.control.rc import RCGains
 from eaid.errors import GainsError
-from eaid.estimate.own_level import RESTING
 from eaid.findings import Finding, finding
 from eaid.plant import linear
 from eaid.plant.dynamics import Plant
+from eaid.plant.forms import RESTING
 from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import Complex, Operating, around, lag
 from eaid.results.common import Interval, ci95_of
@@ -89,7 +89,7 @@ def points_of(
     points = as_stepped(operating_points(plant, model, rows, fit.data.levels, limits), fit.steps)
     if plant is None or not plant.sloped:
         return points
-    ends = ends_at(
+    ends = interpolate_ends(
         {row.level: own for row in fit.level_values if (own := ci95_of(row, "Ts")) is not None},
         [point.duty_pct for point in points],
     )
@@ -97,7 +97,7 @@ def points_of(
     return may_be_steeper(points, plant, ends, scatter)
 
 
-def ends_at(known: Mapping[float, tuple[float, float]], inputs: Sequence[float]) -> dict[float, Interval]:
+def interpolate_ends(known: Mapping[float, tuple[float, float]], inputs: Sequence[float]) -> dict[float, Interval]:
     """Intervals at some inputs, between two that are known by lines through their ends; None beyond them."""
     if not known:
         return {}

@@ -22,7 +22,6 @@ LAG_OFF = 0.08  # Of ln τ, from which a lag is told to lie off its curve: that 
 NO_SCATTER = 1e-4  # Part of T_s below which nothing scatters
 # Twice the logarithm of how much likelier levels with a scatter of their own are, from which it is told: one in 200
 SCATTER_SEEN = 6.6
-RESTING = 0.02  # Part of the largest output up to which that of a level stays at rest
 # Squares over those of T_s(u) through levels of one output, up to which a limit of the drive explains them
 AS_LIMITED = 1.02
 FAR = np.log(10.0)  # Logarithm from which a level is far off its curve, as where that is next to 0

@@ -112,7 +112,7 @@ def _share_and_rate(levels: Sequence[Level], t0: Array, share: float | None, idl
     weight = first.steps.weight
     per_hold = float(np.abs(data.points.y).max()) / data.longest_s
     tried = sorted({0.0, idle, *(side * part * per_hold for part in GROWTH for side in (-1, 1))})
-    ends = [fit_levels_first(less_creep(data, rate, t0), share, [first.x]) for rate in tried]
+    ends = [fit_levels_first(subtract_creep(data, rate, t0), share, [first.x]) for rate in tried]
     costs = np.array([float(weight @ one.at.cost) for one in ends])
     found = [_solve_near(levels, data, t0, tried[k], ends[k].x, share) for k in lowest_places(costs)[:BEST]]
     rate, near, (errors, degrees) = min(found, key=lambda one: float(weight @ one[1].solved.at.cost))
@@ -126,7 +126,7 @@ def _solve_near(
 ) -> tuple[float, Estimate, tuple[Array, Array]]:
     """The rate next to one, the estimate without it, and how sure C and the rate are."""
     for _ in range(RATE_ROUNDS):
-        moved = less_creep(data, rate, t0)
+        moved = subtract_creep(data, rate, t0)
         near = Estimate(levels, fit_levels_first(moved, share, [x]))
         x, columns = near.solved.x, _creep_columns(near, t0)
         score, back = _sum_scores(near, moved, columns)
@@ -137,7 +137,7 @@ def _solve_near(
     return rate, near, known
 
 
-def less_creep(data: Data, rate: float, t0: Array) -> Data:
+def subtract_creep(data: Data, rate: float, t0: Array) -> Data:
     """The mean curves without a creep."""
     if not rate:
         return data

@@ -14,7 +14,6 @@ from eaid.estimate import data as metrics
 from eaid.estimate.data import Data, missed
 from eaid.estimate.forms import Model
 from eaid.estimate.forms import linear as line
-from eaid.estimate.own_level import RESTING
 from eaid.estimate.points import log_crossed
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
@@ -23,6 +22,7 @@ from eaid.levels.from_steps import UNSEEN_PART, Solution, StepProblem, fit_linea
 from eaid.levels.huber import fit_with_loss, huber_findings
 from eaid.options import FitOptions
 from eaid.plant import linear
+from eaid.plant.forms import RESTING
 from eaid.plant.linear import LinearPlant as LinearModel
 from eaid.results.models import Bounds, BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, PooledIntervals
 from eaid.steps.levels import wanted_levels
@@ -93,20 +93,27 @@ def single_levels(data: Data, solved: Sequence[Solution]) -> tuple[LinearLevel, 
 
 
 def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None) -> Bounds:
-    """Least and largest B over the kept levels (all where `wanted` is None, but for those whose output stays at rest);
-    levels without a positive b0 have none."""
-    chosen = [row for row in rows if wanted is None or row.level in wanted]
-    known = [
-        row.B for row in chosen if row.B is not None and (wanted is not None or row.level not in levels_at_rest(rows))
-    ]
+    """Least and largest B over the kept levels: those that are wanted, else all whose output does not stay at rest."""
+    out = find_levels_at_rest(rows) if wanted is None else []
+    chosen = [row for row in rows if row.level not in out and (wanted is None or row.level in wanted)]
+    known = [row.B for row in chosen if row.B is not None]
     levels = tuple(row.level for row in chosen)
     return Bounds(levels=levels, B_m=min(known, default=None), B_M=max(known, default=None))
 
 
-def levels_at_rest(rows: Sequence[LinearLevel]) -> list[float]:
+def find_levels_at_rest(rows: Sequence[LinearLevel]) -> list[float]:
     """Levels whose output all but stays at rest, as below a clutch's onset: their B is as large as one likes."""
     top = max((row.gain for row in rows), default=0.0)
-    return [row.level for row in rows if row.B is None or row.gain <= RESTING * top]
+    return [row.level for row in rows if abs(row.gain) <= RESTING * top]
+
+
+def bounds_findings(rows: Sequence[LinearLevel], bounds: Bounds) -> list[Finding]:
+    """Levels that tell the bounds of B nothing, and those that give them no end."""
+    levels = {
+        "level-without-b": [row.level for row in rows if row.B is None and row.level in bounds.levels],
+        "level-at-rest": [u for u in find_levels_at_rest(rows) if u not in bounds.levels],
+    }
+    return [finding(code, "linear", at) for code, at in levels.items() if at]
 
 
 def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter, white: bool) -> LinearLevelIntervals:
@@ -176,8 +183,8 @@ def linear_findings(
         "linear-level-beyond-record": [
             row.level for row, r in zip(rows, data.records, strict=True) if row.a0 * r.t_s[-1] < 1
         ],
-        "level-without-b": [row.level for row in rows if row.B is None and row.level in bounds.levels],
     }
+    findings += bounds_findings(rows, bounds)
     findings += [finding(code, "linear", at) for code, at in levels.items() if at]
     if not several:
         findings.append(finding("one-level-linear", "linear", [rows[0].level]))

@@ -16,7 +16,6 @@ from eaid.arrays import Array, median
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.data import Data, data_of, explains_little
-from eaid.estimate.own_level import RESTING
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.findings import Finding, finding, merged, ranked
@@ -46,6 +45,7 @@ from eaid.levels.tails import (
 )
 from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE, Plant
+from eaid.plant.forms import RESTING
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FitGiven
 from eaid.results.models import CreepFound, FittedData, Friction, LackOfFit, Release, Uncertainty

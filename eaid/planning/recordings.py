@@ -21,7 +21,7 @@ from eaid.results.fit import Fit
 from eaid.results.models import Noise
 from eaid.results.plan import Plan, PlannedRun
 from eaid.steps.stepset import Level
-from eaid.synth.logs import NONE, Disturbance, scatter, sensed
+from eaid.synth.logs import NONE, Disturbance, read_sensor, scatter
 from eaid.synth.plants import Specimen
 
 RATE_HZ = 100.0  # Samples a second of a simulated recording
@@ -42,7 +42,7 @@ def experiment(plan: Plan, plant: Specimen, noise: Noise, seed: int) -> tuple[Le
         runs = []
         for _ in range(plan.repeats):
             torque_nm = step_response(scatter(disturbance, random).of(plant.at(level)), time_s)
-            runs.append(sensed(torque_nm, time_s, np.zeros_like(time_s), disturbance, random))
+            runs.append(read_sensor(torque_nm, time_s, np.zeros_like(time_s), disturbance, random))
         levels.append(Level(level, time_s, np.array(runs), tuple(map(str, range(plan.repeats)))))
     return tuple(levels)
 

@@ -33,7 +33,7 @@ from eaid.recorded.log_intervals import spread
 from eaid.results.fit import Fit
 from eaid.results.models import Noise
 from eaid.results.plan import Excitation
-from eaid.synth.logs import scatter, sensed
+from eaid.synth.logs import read_sensor, scatter
 from eaid.synth.plants import clutch
 
 MOST_ENGAGEMENTS = 60
@@ -248,7 +248,7 @@ def recording_widths(
     for number in np.unique(engagement):
         part = engagement == number
         torque[part] = driven(plant.acting(scatter(disturbance, draw)), start, duty, time_s)[part]
-    output = sensed(torque, time_s, np.zeros_like(time_s), disturbance, draw)
+    output = read_sensor(torque, time_s, np.zeros_like(time_s), disturbance, draw)
     duties = np.linspace(*p.u_range, WIDTH_INPUTS)
     model = nonlinear(duties, p.C)
     own: dict[str, tuple[float, ...]] = {}

@@ -24,6 +24,7 @@ Range = tuple[float, float]  # Lowest and highest identified input, by size
 # From which input on, and the cubic that holds from there, of the input above it, lowest power first
 CubicPiece = tuple[float, float, float, float, float]
 Pieces = tuple[CubicPiece, ...]
+RESTING = 0.02  # Part of the largest output up to which that of an input stays at rest
 POINTS = 4  # By which a curve between two of its values is told a plant that goes through them
 KnownPoints = tuple[tuple[float, float], ...]  # Inputs, rising, and a value at each
 

@@ -15,10 +15,17 @@ import numba
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def compiled(function: Function, files: Iterable[Path], **options: Any) -> Function:
-    """The function in machine code that is made anew where any of its source `files` changes."""
-    sources = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
-    function.__qualname__ += f"_{sources[:16]}"
+def fingerprint(files: Iterable[Path]) -> str:
+    """Of what some files hold."""
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:16]
+
+
+ROOM = fingerprint(sorted(Path(__file__).parent.glob("*.py")))
+
+
+def compiled(function: Function, sources: str, **options: Any) -> Function:
+    """The function in machine code that is made anew where the fingerprint of its `sources` is another."""
+    function.__qualname__ += f"_{sources}"
     try:
         return numba.njit(error_model="numpy", cache=True, **options)(function)  # type: ignore[no-any-return]
     except RuntimeError:  # no folder that it may write to
@@ -27,5 +34,4 @@ def compiled(function: Function, files: Iterable[Path], **options: Any) -> Funct
 
 def machine_code(**options: Any) -> Callable[[Function], Function]:
     """`compiled` of what is made of this room alone, as a decorator."""
-    room = sorted(Path(__file__).parent.glob("*.py"))
-    return lambda function: compiled(function, room, **options)
+    return lambda function: compiled(function, ROOM, **options)

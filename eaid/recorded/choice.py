@@ -534,12 +534,13 @@ def _fit_clutch(
     if options.through:
         base = refit_through_levels(base, inputs)
     ask_knots = options.curve == "auto" and not options.through
-    if ask_knots and (knots := find_knots(base, inputs)) is not None:
-        base = fit_through(base, knots)
+    if ask_knots:
+        base = fit_through_knots(base, inputs) or base
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
         base, of_falls, more = test_falls(plain, inputs, free)
-        if ask_knots and base is not plain and (knots := find_knots(base, inputs)) is not None:  # hid by them
+        asked_again = fit_through_knots(base, inputs) if ask_knots and base is not plain else None
+        if asked_again is not None and isinstance(knots := asked_again.setup.model.Ts, Knots):  # which falls had hid
             plain = fit_through(plain, knots)
             base, of_falls, more = test_falls(plain, inputs, free)
         findings += more
@@ -555,25 +556,25 @@ def refit_through_levels(base: Solved, inputs: Excited) -> Solved:
     return fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
 
 
-def find_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Knots | None:
-    """T_s(u) through values at `count` inputs, or more, where logs ask for more than a cubic, be it for falls or a
-    hysteresis that they do not have; None where they do not, or hold few levels, or have such a T_s(u)."""
+def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solved | None:
+    """A fit with T_s(u) through values at `count` inputs, or more, where logs ask for more than a cubic, be it for
+    falls or a hysteresis that they do not have; None where they do not, or hold few levels, or have such a T_s(u)."""
     model, first = base.setup.model, base.setup.model.slices[0].stop
-    few = inputs.stepwise and len(inputs.levels) <= FEW_LEVELS
+    if count <= first or (inputs.stepwise and len(inputs.levels) <= FEW_LEVELS):
+        return None
     sizes = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.fitted.every.drives]))
     sizes = sizes[(sizes > 0) & (sizes >= model.low) & (sizes <= model.high)]
-    if few or count <= first or len(sizes) < count:
+    if len(sizes) < count:
         return None
     at = np.array([model.low, *np.quantile(sizes, np.linspace(0, 1, count)[1:-1]), model.high])
     if (np.diff(at) < LEAST_APART_KNOTS * (model.high - model.low)).any():
         at = np.linspace(model.low, model.high, count)
-    form = Knots(tuple(at.tolist()))
-    found = fit_through(base, form)
+    found = fit_through(base, Knots(tuple(at.tolist())))
     chance = SHARE_CHANCE if count == KNOTS else DEFAULT_CHANCE  # once no cubic does, a few more cost little
     by_noise = float(chdtri(count - first, chance)) * found.cost / count_independent(found)
     if not found.cost < base.cost - by_noise:
         return None
-    return (find_knots(found, inputs, 2 * count - 1) or form) if count < MOST_KNOTS else form
+    return (fit_through_knots(found, inputs, 2 * count - 1) or found) if count < MOST_KNOTS else found
 
 
 def input_answers_output(solved: Solved, logs: Sequence[RecordedLog]) -> bool:

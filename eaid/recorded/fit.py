@@ -24,7 +24,7 @@ from eaid.estimate.recorded_log import RecordedLog, changes_in_gaps, logs_of_ste
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
-from eaid.levels.linear import bounds_of, levels_at_rest, parameters, single_levels
+from eaid.levels.linear import bounds_findings, bounds_of, parameters, single_levels
 from eaid.levels.nonlinear import with_errors
 from eaid.levels.unseen import judge_unseen
 from eaid.logs.run import Run
@@ -371,8 +371,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     data = data_of_logs([*logs, *others], experiment.runs, experiment.steps, levels)
     findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)
     linear = fit_linear_beside(base, chosen, inputs, options, experiment.repeats) if "linear" in wanted else None
-    if linear is not None and options.bounds_levels is None and (flat := levels_at_rest(linear.per_level)):
-        findings.append(finding("level-without-b", "linear", flat))
+    findings += [] if linear is None or linear.bounds is None else bounds_findings(linear.per_level, linear.bounds)
     by_model = "nonlinear" in wanted
     friction = (
         fit_friction_beside(base, inputs, options, known, (own, lags), by_model) if "friction" in wanted else None

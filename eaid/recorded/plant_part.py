@@ -10,7 +10,6 @@ from eaid.arrays import Array, median
 from eaid.estimate.own_level import (
     LAG_OFF,
     NO_SCATTER,
-    RESTING,
     find_levelled_off,
     gains_of_runs,
     levels_about,
@@ -20,7 +19,7 @@ from eaid.estimate.own_level import (
 from eaid.estimate.scatter import LEVELS_TO_SPARE, scatter_about
 from eaid.estimate.spread import LevelScatter
 from eaid.findings import Finding, finding
-from eaid.plant.forms import PerLevel
+from eaid.plant.forms import RESTING, PerLevel
 from eaid.recorded.curve_intervals import LIMITS_PCT
 from eaid.recorded.from_logs import Solved, fit_near, fit_through, plant_found
 from eaid.recorded.inputs import FEW_LEVELS, Excited

@@ -25,7 +25,7 @@ from eaid.control.kinds import CONTROLLER_ROWS, ControllerStep
 from eaid.options import RigExtras
 from eaid.plant import dynamics
 from eaid.plant.dynamics import Plant, plant_numbers
-from eaid.plant.machine_code import compiled
+from eaid.plant.machine_code import compiled, fingerprint
 from eaid.replay import controllers, loop
 from eaid.replay.controllers import Controller
 from eaid.replay.loop import rig_numbers
@@ -44,9 +44,10 @@ for _module in MODULES:
 
 
 @cache
-def loop_compiled(law: ControllerStep) -> Any:
+def compile_loop(law: ControllerStep) -> Any:
     """`closed_loop` of one law in machine code, kept on disk where there is a folder that numba may write to."""
-    return compiled(loop.loop_of(law), map(Path, (__file__, *(str(module.__file__) for module in MODULES))), nogil=True)
+    files = map(Path, (__file__, *(str(module.__file__) for module in MODULES)))
+    return compiled(loop.loop_of(law), fingerprint(files), nogil=True)
 
 
 QUANTILES = (0.0, 0.025, 0.25, 0.5, 0.75, 0.975, 1.0)
@@ -69,7 +70,7 @@ def montecarlo(
     kept = np.empty((len(wanted[shown]), len(plants)))
     measured = np.empty((len(Tracking.__struct_fields__), len(plants)))
 
-    inputs, run = loop.inputs_of(controller, wanted, rig, dt_s, seed), loop_compiled(controller.step)
+    inputs, run = loop.inputs_of(controller, wanted, rig, dt_s, seed), compile_loop(controller.step)
 
     def single(index: int) -> None:
         plant, filled = plant_numbers(plants[index]), tuple(np.zeros((4, len(wanted))))

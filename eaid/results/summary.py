@@ -178,7 +178,7 @@ def usable_line(fit: "Fit") -> str:
     return f"usable yes{but}, {f'warned: {said}' if said else 'no warnings'}"
 
 
-def cautions(fit: "Fit") -> list[str]:
+def list_cautions(fit: "Fit") -> list[str]:
     """What of a fit's warnings matters to what is made of it, and what it means, in one line; none without."""
     about = [one for one in fit.verdict.warnings if one.subject in MODEL_PARTS or one.code in MEANT]
     about = sorted(about, key=lambda one: one.code not in MEANT)[: MOST_TOLD + 1]

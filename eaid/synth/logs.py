@@ -45,7 +45,7 @@ def scatter(d: Disturbance, draw: np.random.Generator) -> Factors:
     return Factors(1 + d.gain_scatter * gain, exp(d.tau1_scatter * tau1), exp(d.tau2_scatter * tau2))
 
 
-def sensed(torque_nm: Array, time_s: Array, rotor_hz: Array, d: Disturbance, draw: np.random.Generator) -> Array:
+def read_sensor(torque_nm: Array, time_s: Array, rotor_hz: Array, d: Disturbance, draw: np.random.Generator) -> Array:
     """What the sensor says [N·m] of a torque [N·m] while the rotor turns at `rotor_hz` [Hz]; all of shape (n,)."""
     share, white = noise(time_s, rotor_hz, d, draw)
     return digits(torque_nm * (1 + share) + d.offset_nm + white, d)
@@ -84,7 +84,7 @@ def render(
     starts, levels = steps
     value = levels[np.searchsorted(starts, time_s, side="right") - 1]
     torque = driven(plant.acting(factors), starts, levels, time_s)
-    return time_s, value, sensed(torque, time_s, plant.rotor_hz(value), disturbance, draw)
+    return time_s, value, read_sensor(torque, time_s, plant.rotor_hz(value), disturbance, draw)
 
 
 def as_run(

@@ -32,7 +32,7 @@ def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width
     terminal(width)
     title = "A title of some words, which is longer than forty letters are"
     console.show(Table(title, "", columns(*HEADS), ROWS))
-    console.aloud("word " * 30)
+    console.speak("word " * 30)
     told = capsys.readouterr()
     assert max(map(len, (told.out + told.err).splitlines())) <= width
     words = told.out.split()
@@ -45,7 +45,7 @@ def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width
 )
 def test_names_have_no_power_over_the_terminal(evil, capsys):
     console.fail(evil)
-    console.aloud(evil)
+    console.speak(evil)
     console.show(Table(evil, "", columns(evil), ((evil,),)))
     told = capsys.readouterr()
     assert told.err.count("\n") == 2 and told.out.count("\n") == 3

@@ -401,7 +401,7 @@ def test_inputs_below_the_onset_tell_no_b():
     fit = judged(
         fit_recorded([log(t, u, replace(REFERENCE_PLANT, Ts_through=points, u_range=(2.0, 100.0)))], FitOptions())
     )
-    assert codes(fit)["level-without-b"].levels and 20 * fit.linear.bounds.B_m > fit.linear.bounds.B_M
+    assert codes(fit)["level-at-rest"].levels and 20 * fit.linear.bounds.B_m > fit.linear.bounds.B_M
     assert eaid.tune_rc(fit).margins.worst["pi"].gain_db >= 6
 
 

@@ -65,6 +65,17 @@ ALSO_THERE = {"series", "ringing behind a dead time", "overshoot"}
 RECORDED = [pytest.param(name, marks=[pytest.mark.slow] if name in ALSO_THERE else []) for name in PLANTS]
 
 
+def test_random_inputs_of_a_torque_that_has_an_onset(tmp_path):
+    """T_s(u) goes through values, by the law of the fit and by that of the plant, which differ most at a kink."""
+    draw = np.random.default_rng(2)
+    u = np.append(np.zeros(150), np.repeat(draw.uniform(0.05, 1.0, 60), draw.integers(25, 300, 60)))
+    rise = tuple((float(x), float(max(x - 0.2, 0.0))) for x in np.linspace(0.05, 1.0, 96))
+    log = logged(plant(0.3, 4.0, u_range=(0.05, 1.0), Ts_through=rise), 0.02 * np.arange(len(u)), u)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    (pct,) = held_against(tmp_path / "log.csv", logs_as="recorded", **UNITS).values()
+    assert pct > 95 and eaid.fit(eaid.read(tmp_path / "log.csv", **UNITS), ci="none").plant.Ts_through
+
+
 @pytest.mark.parametrize("name", RECORDED)
 def test_a_recording(name, tmp_path):
     logged(PLANTS[name], *staircase(name)).to_csv(tmp_path / "log.csv", index=False)

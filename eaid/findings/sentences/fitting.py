@@ -169,7 +169,8 @@ ROWS: dict[str, Row] = {
     "linear-level-beyond-record": caution(
         "1/a0 is longer than the record at level {levels}: gain and B of these levels are extrapolated"
     ),
-    "level-without-b": caution("the output all but stays at rest at level {levels}: left out of B_m and B_M"),
+    "level-without-b": caution("b0 is not positive at level {levels}: left out of B_m and B_M"),
+    "level-at-rest": caution("the output all but stays at rest at level {levels}: left out of B_m and B_M"),
     "release-beyond-record": caution(
         "the slow release constant ({tau2_s:.3g} s) is longer than the longest record after a release "
         "({record_s:.3g} s): these data cannot tell it"
