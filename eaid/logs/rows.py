@@ -83,6 +83,11 @@ def _bad_cells(
                 f"{source}: column {label} holds no number in any row, but words such as {words[0]!r}; write what they "
                 f"stand for in numbers, or name another column with «columns»"
             )
+        if count >= FEWEST_IN_COLUMN and 0.2 * count < gone < count and words:
+            raise DataError(
+                f"{source}: column {label} holds no number in {gone} of {count} rows, but {words[0]!r} and the like; "
+                f"write them with one decimal mark, and none for thousands"
+            )
         if count >= FEWEST_IN_COLUMN and 0.2 * count < gone < count:
             raise DataError(
                 f"{source}: column {label} holds a number in {count - gone} of {count} rows only; save the rows in "

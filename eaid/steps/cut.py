@@ -39,6 +39,7 @@ from eaid.steps.step import Cut, sample_at
 from eaid.steps.stepset import LevelStep
 
 UNSETTLED = 0.05  # Share of a step's change by which the output may still move before a step from level to level
+COUNTS = (255, 1023, 4095, 65535)  # The largest number of so many bits, which stands for the whole input
 NO_STEP = "record the idle time before the step too, or give the step instant with «step_at»"
 NEAR_EDGE = 0.1  # Share of a log within which its output answers to what switches it
 WITH = 0.01  # Share of a log within which another channel moves with the step
@@ -297,10 +298,11 @@ def refuse_percent(run: Run, *wrong: tuple[NDArray[np.bool_], str]) -> None:
     """Refuse an input in % in rows where it is none."""
     for rows, how in wrong if run.input_unit == "%" else ():
         if rows.any():
-            first = int(rows.argmax())
+            first, top = int(rows.argmax()), float(np.abs(run.input).max())
+            counts = next((most for most in COUNTS if top <= most), COUNTS[0])
             raise DataError(
                 f"{run.where}: the input is {run.input[first]:g} % at {run.time_s[first]:.6g} s, {how}; "
-                f"if it is not in %, say its unit with «units» input=UNIT, or input=/255 of counts up to 255"
+                f"if it is not in %, say its unit with «units» input=UNIT, or input=/{counts} of counts up to {counts}"
             )
 
 

@@ -97,6 +97,9 @@ BAD: dict[str, tuple[Any, ...]] = {
     "never-on.csv": (column(1, lambda i, u: 0),
                      "the input stays at 0 %: no step; nothing was switched on; give logs in which the input steps"),
     "above.csv": (column(1, lambda i, u: 2.55 * u), "the input is 127.5 % at 0.5 s, above 100" + BEYOND),
+    "counts.csv": (
+        column(1, lambda i, u: 40.95 * u),
+        "the input is 2047.5 % at 0.5 s, above 100" + BEYOND.replace("255", "4095")),
     "below.csv": (column(1, lambda i, u: -u), "the input is -50 % at 0.5 s, below 0" + BEYOND),
     "short.csv": (csv(rows(59)), "9 samples in its window, at least 10 are needed; record it longer"),
     "one-row.csv": (csv(GOOD[:1]), "holds 1 samples, and a step takes at least 10; record it longer"),
@@ -104,6 +107,10 @@ BAD: dict[str, tuple[Any, ...]] = {
     "on-off.csv": (column(1, lambda i, u: "on" if u else "off"),
                    "column duty_pct holds no number in any row, but words such as 'off'; write what they stand for in "
                    "numbers, or name another column with --columns"),
+    "thousands.csv": (
+        "time_s;duty_pct;torque_nm\n" + "\n".join(f"{0.01 * i};{50 * (i > 50)};{40 * i:,.1f}" for i in range(200)),
+        "column torque_nm holds no number in 174 of 200 rows, but '1,000.0' and the like; write them with one decimal "
+        "mark, and none for thousands"),
     "wave.csv": (column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
                  "the input moves most of the time, so it holds no steps; a displacement is said with --columns "
                  "position=, beside the load as input=; else eaid fit takes such a log whole, "
