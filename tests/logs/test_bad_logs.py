@@ -108,8 +108,8 @@ BAD: dict[str, tuple[Any, ...]] = {
                    "column duty_pct holds no number in any row, but words such as 'off'; write what they stand for in "
                    "numbers, or name another column with --columns"),
     "thousands.csv": (
-        "time_s;duty_pct;torque_nm\n" + "\n".join(f"{0.01 * i};{50 * (i > 50)};{40 * i:,.1f}" for i in range(200)),
-        "column torque_nm holds no number in 174 of 200 rows, but '1,000.0' and the like; write them with one decimal "
+        "\n".join(["time_s;duty_pct;torque_nm", *(f"{i / 100};{i // 99};{40 * i:,.1f}" for i in range(200))]).encode(),
+        "column torque_nm holds no number in 175 of 200 rows, but '1,000.0' and the like; write them with one decimal "
         "mark, and none for thousands"),
     "wave.csv": (column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
                  "the input moves most of the time, so it holds no steps; a displacement is said with --columns "
