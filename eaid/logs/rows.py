@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from eaid.errors import DataError
 from eaid.logs.columns import FEWEST_IN_COLUMN
 
+THOUSANDS = r"[+-]?\d{1,3}([,.' ]\d{3})+[,.]\d+"  # A number with marks between thousands, and a decimal mark
 SHOWN_FAULTS = 5  # Bad rows of a kind up to which each is told; of more, the first and a count
 
 Unread = Sequence[tuple[int, str, str]]  # Sample, label of its column (empty: the whole row) and what stands there
@@ -83,10 +84,10 @@ def _bad_cells(
                 f"{source}: column {label} holds no number in any row, but words such as {words[0]!r}; write what they "
                 f"stand for in numbers, or name another column with «columns»"
             )
-        if count >= FEWEST_IN_COLUMN and 0.2 * count < gone < count and words:
+        if grouped := [text for text in words if re.fullmatch(THOUSANDS, text)]:
             raise DataError(
-                f"{source}: column {label} holds no number in {gone} of {count} rows, but {words[0]!r} and the like; "
-                f"write them with one decimal mark, and none for thousands"
+                f"{source}: column {label} holds {grouped[0]!r} and the like in {len(grouped)} of {count} rows; write "
+                f"them with one decimal mark, and none for thousands"
             )
         if count >= FEWEST_IN_COLUMN and 0.2 * count < gone < count:
             raise DataError(
