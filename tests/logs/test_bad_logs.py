@@ -109,8 +109,8 @@ BAD: dict[str, tuple[Any, ...]] = {
                    "numbers, or name another column with --columns"),
     "thousands.csv": (
         "\n".join(["time_s;duty_pct;torque_nm", *(f"{i / 100};{i // 99};{40 * i:,.1f}" for i in range(200))]).encode(),
-        "column torque_nm holds '1,000.0' and the like in 175 of 200 rows; write them with one decimal mark, and none for "
-        "thousands"),
+        "column torque_nm holds '1,000.0' and the like in 175 of 200 rows; write them with one decimal mark, and none "
+        "for thousands"),
     "wave.csv": (column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
                  "the input moves most of the time, so it holds no steps; a displacement is said with --columns "
                  "position=, beside the load as input=; else eaid fit takes such a log whole, "
