@@ -37,8 +37,7 @@ def sessions(
     shown = [*rig.lines(), next_table(rig), *([scatter_table(rig)] if args.verbose else ())]
     tell_result(args, rig, shown, [*warnings, *rig.findings])
     after = f"record a step at {rig.best_step}, then eaid today {output} STEP"
-    steps_tell = not values and not rig.confounded
-    console.done(output, counted(len(rig.sessions), "session"), after if steps_tell else ("report", output))
+    console.done(output, counted(len(rig.sessions), "session"), after if rig.gives_today else ("report", output))
 
 
 @takes

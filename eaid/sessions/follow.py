@@ -18,6 +18,7 @@ from eaid.errors import DataError, UsageError
 from eaid.levels.workflow import fit_steps
 from eaid.logs.folders import files_of
 from eaid.logs.read import read_runs
+from eaid.logs.run import Run
 from eaid.options import FitOptions, ReadOptions
 from eaid.reading import steps_in
 from eaid.results.fit import Fit
@@ -71,14 +72,18 @@ def followed(
     rows, shown = planned(plan) if plan else [], dict[Path, list[tuple[float, float]]]()
     for file in whole_files(paths, silence_s):
         try:
-            fit = fit_steps(steps_in(read_runs([file], reading), reading)[1], FitOptions(model=("friction",)))
+            runs = read_runs([file], reading)
+            fit = fit_steps(steps_in(runs, reading)[1], FitOptions(model=("friction",)))
         except DataError as fault:
             unread.add(file)
             yield f"{fault.sentences[0]}; record it again?"
             continue
         unread.discard(file)
         shown[file] = []
-        for row in (one for one in fit.friction_levels if one.from_ == 0):
+        rows_from_rest = [one for one in fit.friction_levels if one.from_ == 0]
+        if not rows_from_rest:
+            yield from map(_seen, runs)
+        for row in rows_from_rest:
             said, fine = _judged_value(fit, row.level, row.Ts, rig, [one for each in shown.values() for one in each])
             shown[file] += [(row.level, row.Ts)] if fine else []
             yield said
@@ -102,7 +107,20 @@ def _judged_value(
     known = steps_known([(*one, rig.main.sd_step) for one in shown])
     low, high = rig.foreseen(np.array([level]), known).of_a_run(rig.main.sd_step**2)
     fine = low <= value <= high
-    return f"{said} (expected {low:.3g} … {high:.3g}) {'ok' if fine else 'outside: record again?'}", fine
+    near = not fine and f"{value:.3g}" in (f"{low:.3g}", f"{high:.3g}")
+    ends = " … ".join(f"{end:.{5 if near else 3}g}" for end in (low, high))
+    return f"{said} (expected {ends}) {'ok' if fine else 'outside: record again?'}", fine
+
+
+def _seen(run: Run) -> str:
+    """What a log holds that no step from rest is in."""
+    low, high = (f"{end(run.input):.3g}" for end in (np.min, np.max))
+    inputs = f"{low} … {high} {run.input_unit}".rstrip() if run.has_input else "no input"
+    outputs = f"{run.output.min():.3g} … {run.output.max():.3g} {run.output_unit}".rstrip()
+    return (
+        f"{run.where}: {run.time_s[-1] - run.time_s[0]:.3g} s, {inputs}, {outputs}; not a step from rest, for which "
+        "alone a value is expected; the fit at the end takes it"
+    )
 
 
 def planned(path: Path) -> list[tuple[float, float]]:

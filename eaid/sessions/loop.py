@@ -52,6 +52,8 @@ class Promise(Result, frozen=True):
     noise: Number = 0.0
     """Standard deviation of the sensor's white noise in the log."""
     rows: tuple[Kept, ...] = ()
+    others: tuple[str, ...] = ()
+    """Controllers that it may be the loop of as well, where none was named."""
 
     @property
     def kept(self) -> bool:
@@ -65,6 +67,8 @@ class Promise(Result, frozen=True):
             ends = "" if one.high is None else f" ({one.low:.3g} … {one.high:.3g})"
             numbers = f"{one.recorded:.3g} {self.unit}, promised {one.promised:.3g}{ends}"
             said.append(f"        {one.name} {numbers}: {one.word}")
+        if self.others:
+            said.append(f"        taken for the loop of {self.controller}; of {' or '.join(self.others)}: «controller»")
         return said
 
 
@@ -97,7 +101,8 @@ def promise_of(
     noise = block_noise(run.output)
     record = given.records[name]
     from_s = max(record.metrics.counted_from_s or 0.0, given.head.counted_from_s or 0.0)
-    return Promise(name, run.where, run.output_unit, noise, _errors_of_loop(run, record, noise, from_s))
+    others = () if options.controller else tuple(one for one in held if one != name)
+    return Promise(name, run.where, run.output_unit, noise, _errors_of_loop(run, record, noise, from_s), others)
 
 
 def _errors_of_loop(run: Run, record: Record, noise: float, from_s: float) -> tuple[Kept, ...]:

@@ -167,6 +167,12 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         return any(one.code == "levels-and-sessions-confounded" for one in self.findings)
 
     @property
+    def gives_today(self) -> bool:
+        """Whether a reference step makes a fit of today: not of a table, nor of a kind of plant of which it tells T_s
+        alone, nor where it tells of some levels only."""
+        return self.base is not None and bool(self.base.level_values) and not self.confounded
+
+    @property
     def best_step(self) -> str:
         """The level of the reference step that is worth most, with its unit."""
         return f"{self.main.best_level:.4g} {self.input_unit}".rstrip()

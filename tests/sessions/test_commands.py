@@ -7,8 +7,11 @@ import time
 from glob import glob
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.text import Text
+from scipy.signal import lfilter
 
 import eaid
 from eaid.report.figures.sessions import sessions_compared
@@ -206,6 +209,18 @@ def test_a_folder_is_followed_step_by_step_and_then_fitted(folder, run_eaid, mak
     assert lines[1] == "next by plan: 87 %, 66 s"
     assert lines[2].endswith("outside: record again?")
     assert told.code in (0, 4) and (tmp_path / "fit.json").is_file() and "left out: notes.csv" in told.err
+
+
+def test_a_log_without_a_step_from_rest_gets_its_line_too(run_eaid, tmp_path, monkeypatch):
+    monkeypatch.setattr(follow, "LOOK_S", 0.05)
+    monkeypatch.chdir(tmp_path)
+    held = np.repeat([20.0, 40.0, 60.0, 40.0, 20.0], 100)
+    output = 0.05 * lfilter([0.1], [1, -0.9], held) + 0.01 * np.random.default_rng(1).standard_normal(500)
+    (tmp_path / "live").mkdir()
+    frame = pd.DataFrame({"time_s": 0.05 * np.arange(500), "duty_pct": held, "torque_nm": output})
+    frame.to_csv(tmp_path / "live" / "stairs.csv", index=False)
+    told = run_eaid("fit", "live", "--follow", "0.5", "-o", "fit.json").err
+    assert "live/stairs.csv: 25 s, 20 … 60 %," in told and "the fit at the end takes it" in told
 
 
 def test_a_file_that_is_still_being_written_is_not_read(tmp_path, monkeypatch):

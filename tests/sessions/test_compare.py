@@ -206,6 +206,16 @@ def test_a_recorded_loop_is_held_against_its_replay(loop, tmp_path, factor, kept
     assert factor < 1 or rms.recorded == pytest.approx(rms.promised, rel=3e-3)  # with the noise that is read
     assert "better than promised" not in found.summary()
     assert {one.name for one in found.promise.rows} == {"RMS error", "largest error", "overshoot"}
+    assert found.promise.others == ()
+
+
+def test_a_loop_that_is_not_named_is_told_to_be_taken_for_the_first(loop, tmp_path):
+    fit, gains, recorded = loop
+    recorded(1).to_csv(tmp_path / "loop.csv", index=False)
+    first, *others = gains.controllers_by_name
+    found = eaid.compare(fit, tmp_path / "loop.csv", gains=gains, plants=2)
+    assert found.promise.controller == first and "pi" in found.promise.others == tuple(others)
+    assert f"taken for the loop of {first}; of {' or '.join(others)}: «controller»" in found.summary()
 
 
 def test_a_log_without_a_reference_is_refused(loop, tmp_path):
