@@ -89,12 +89,21 @@ def points_of(
     points = as_stepped(operating_points(plant, model, rows, fit.data.levels, limits), fit.steps)
     if plant is None or not plant.sloped:
         return points
-    ends = interpolate_ends(
-        {row.level: own for row in fit.level_values if (own := ci95_of(row, "Ts")) is not None},
-        [point.duty_pct for point in points],
-    )
+    ends = interpolate_ends(known_ends(fit), [point.duty_pct for point in points])
     scatter = (fit.nonlinear.level_scatter if fit.nonlinear is not None else None) or 0.0
     return may_be_steeper(points, plant, ends, scatter)
+
+
+def known_ends(fit: Fit) -> dict[float, tuple[float, float]]:
+    """T_s's interval at the inputs where the fit tells it: at levels, else at the highest input of either sign."""
+    known = {row.level: own for row in fit.level_values if (own := ci95_of(row, "Ts")) is not None}
+    if known or fit.plant_ is None or (held := fit.plant_.ci95) is None:
+        return known
+    if rows := held.levels.get("Ts"):
+        return {u: (low, high) for u, low, high in rows}
+    top = fit.plant_.u_range[1]
+    gains = {top: held.gain, -top: held.gain_below}
+    return {u: (abs(u) * own[0], abs(u) * own[1]) for u, own in gains.items() if own is not None}
 
 
 def interpolate_ends(known: Mapping[float, tuple[float, float]], inputs: Sequence[float]) -> dict[float, Interval]:

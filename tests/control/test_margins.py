@@ -298,3 +298,18 @@ def test_a_flat_top_has_the_slope_that_its_intervals_allow():
     assert points[-1].plant.gain < 0 and top.plant.gain == pytest.approx((3.44 * 1.026 - 3.47 * 0.974) / 10)
     ends[100.0] = (3.0, 3.1)  # that falls for certain
     assert may_be_steeper(points, plant, ends, 0.0)[-1].plant.gain < 0
+
+
+def test_gains_of_a_ringing_plant_keep_their_margins_where_its_gain_ends(fit_of):
+    """Its T_s is known by levels of the plant, as the clutch's is by its own: a phase margin of 49° was one of 35°."""
+    plant = {"kind": "ringing", "Ts": [0.0, 0.5], "tau1": [0.05], "tau2": [], "zeta": 0.25, "u_range": [2.0, 10.0]}
+
+    def made(wide, gain=0.5, **options):
+        ends = [[u, gain * u * (1 - wide), gain * u * (1 + wide)] for u in (2.0, 10.0)]
+        known = {**plant, "Ts": [0.0, gain], "ci95": {"levels": {"Ts": ends}}}
+        return eaid.tune_rc(fit_of(plant=known, linear={"a0": 15.0, "b0": 7.5, "c0": 0.0}), **options)
+
+    for wide, holds in ((0.0, False), (0.25, True)):
+        designed = made(wide).pi
+        steeper = made(0.0, 0.5 * 1.25, pi_gains=(designed.K_P, designed.K_I), anyway=True).margins.worst["pi"]
+        assert (steeper.gain_db > 6 and steeper.phase_deg > 45) is holds, steeper
