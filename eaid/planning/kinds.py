@@ -40,18 +40,20 @@ class Sensitivities:
     """A model, and how the logarithms of its numbers go with its unknowns."""
 
     model: Model
-    unknowns: Array  # (n,); a dead time last
-    slopes: Array  # At the inputs at which widths are wanted, (numbers, m, n)
-    late: bool = False  # Whether a dead time is among the unknowns
+    unknowns: Array  # (n,); those of `extras` last
+    slopes: Array  # At the inputs at which widths are wanted, by the first so many of them, (numbers, m, n)
+    extras: tuple[str, ...] = ()  # What is among the unknowns besides the coefficients: a dead time, falls of their own
+    falls_as_left: bool = False  # Whether falls to rest go as at the input that was left
 
     def variances(self, noise: Noise, drive: Drive, weight: Array | float = 1.0) -> tuple[Array, Array]:
         """Variance of these logarithms by noise and scatter of each engagement, (3, m, E); `weight` of rows."""
         x = np.append(self.unknowns, 0.0)[: len(self.unknowns) + (not drive.idle_known)]
-        slopes = np.pad(self.slopes, ((0, 0), (0, 0), (0, len(x) - len(self.unknowns))))
+        slopes = np.pad(self.slopes, ((0, 0), (0, 0), (0, len(x) - self.slopes.shape[2])))
         scattered = np.zeros((len(x), 3))  # one standard deviation of an engagement's T_s, τ1 and τ2
         for k, (name, part) in enumerate(zip(PARAMETERS, self.model.slices, strict=True)):
             scattered[part, k] = noise.scatter[name] * x[part]
-        J, r = Setup(self.model, (drive,), ("dead",) * self.late).jacobian(x, 0)
+        setup = Setup(self.model, (drive,), self.extras, falls_as_left=self.falls_as_left)
+        J, r = setup.jacobian(x, 0)
         counted = drive.w > 0
         T2 = r * r / np.maximum(drive.w[counted], 1e-300)
         density = (noise.sensor_nm2_s + noise.ripple_s * T2) * weight
@@ -95,7 +97,19 @@ def steps_of(p: Plant, levels: Array) -> Sensitivities:
     slopes = np.zeros((1 + len(by_lags), len(levels), len(unknowns)))
     slopes[0, :, : gain.size] = gain.rows(levels) / steady[:, None]
     slopes[1:, :, gain.size : gain.size + by_lags.shape[1]] = by_lags[:, None]
-    return Sensitivities(model, unknowns, slopes, p.dead_time_s > 0)
+    return Sensitivities(model, unknowns, slopes, ("dead",) * (p.dead_time_s > 0))
+
+
+def falls_of(p: Plant) -> dict[str, tuple[float, ...]]:
+    """What a clutch's falls have of their own, as a fit of its logs has it among the unknowns."""
+    own: dict[str, tuple[float, ...]] = {}
+    if p.release is not None and not p.release_as_left:
+        own["rest"] = p.release
+    if p.falls != (1.0, 1.0):
+        own["fall"] = p.falls
+    if p.excess:
+        own["excess"] = (p.excess,)
+    return own
 
 
 def refuse_unplanned(p: Plant) -> None:
@@ -137,8 +151,8 @@ def session_widths(p: Plant, noise: Noise, runs: Sequence[PlannedRun], k: int, s
     x = steps.unknowns[: steps.model.size]
     setup = setup_of(steps.model, [RecordedLog("planned", time_s, inputs[place], output)], True, p.dead_time_s)
     setup = replace(setup, drives=setup.every.drives, copies=())
-    if steps.late:
-        x, setup = steps.unknowns, replace(setup, extras=("dead",))
+    if steps.extras:
+        x, setup = steps.unknowns, replace(setup, extras=steps.extras)
     solved = fit_near(setup, np.append(x, np.zeros(setup.size - len(x))))
     slopes = np.pad(steps.slopes, ((0, 0), (0, 0), (0, setup.size - steps.slopes.shape[2])))
     return np.asarray(np.apply_along_axis(spread(solved).of, 2, slopes).max(axis=1))

@@ -21,7 +21,7 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
 from eaid.options import Limits, PlanOptions
-from eaid.planning.kinds import PARAMETERS, Sensitivities, is_clutch
+from eaid.planning.kinds import PARAMETERS, Sensitivities, falls_of, is_clutch
 from eaid.planning.recordings import RATE_HZ, simulated_disturbance
 from eaid.planning.widths import Widths, fitted_rig, percent, relative_rows, settled, wanting
 from eaid.plant.drive import ROW_NUMBER, Drive
@@ -81,10 +81,14 @@ def drive_of_sequence(whole: Array) -> Drive:
     edges = (np.arange(HOLD_INSTANTS + 1) / HOLD_INSTANTS) ** 2 * np.diff(np.append(starts, changes[-1][0]))[:, None]
     nothing = np.zeros((len(starts), 1))
     t = (starts[:, None] + np.hstack([nothing, 0.5 * (edges[:, 1:] + edges[:, :-1])])).ravel()
-    duty, at = np.unique(level, return_inverse=True)
+    before = np.append(0.0, level[:-1])
+    pairs, at = np.unique([level, np.where(level == 0, before, level)], axis=1, return_inverse=True)
+    duty, left = np.ascontiguousarray(pairs)
+    rising = np.where((level < before) & (level > 0), -1, 1).astype(ROW_NUMBER)
     return Drive(
-        np.append(np.diff(t), 0.0), np.repeat(at.astype(ROW_NUMBER), HOLD_INSTANTS + 1), duty, duty,
-        np.ones(len(t), dtype=ROW_NUMBER), np.zeros(len(t)), np.hstack([nothing, np.diff(edges)]).ravel(), False, True,
+        np.append(np.diff(t), 0.0), np.repeat(at.ravel().astype(ROW_NUMBER), HOLD_INSTANTS + 1), duty, left,
+        np.repeat(rising, HOLD_INSTANTS + 1), np.zeros(len(t)), np.hstack([nothing, np.diff(edges)]).ravel(), False,
+        True,
     )  # fmt: skip
 
 
@@ -192,8 +196,9 @@ class Judge:
         """The nonlinear model over the duties that the limits allow."""
         model = nonlinear(np.linspace(*self.limits.duty, 11), self.p.C)
         rows = model.rows(np.linspace(*self.limits.duty, WIDTH_INPUTS))[:3]
-        unknowns = model.unknowns(self.p)
-        return Sensitivities(model, unknowns, relative_rows(rows, unknowns))
+        unknowns, own = model.unknowns(self.p), falls_of(self.p)
+        every, slopes = np.concatenate([unknowns, *own.values()]), relative_rows(rows, unknowns)
+        return Sensitivities(model, every, slopes, tuple(own), self.p.release_as_left)
 
     def ratios(self, sequence: Array) -> Array:
         """Widths over the wanted ones, of those that are wanted, flat."""
@@ -251,10 +256,7 @@ def recording_widths(
     output = read_sensor(torque, time_s, np.zeros_like(time_s), disturbance, draw)
     duties = np.linspace(*p.u_range, WIDTH_INPUTS)
     model = nonlinear(duties, p.C)
-    own: dict[str, tuple[float, ...]] = {}
-    own |= {"rest": p.release} if p.release is not None and not p.release_as_left else {}
-    own |= {"fall": p.falls} if p.falls != (1.0, 1.0) else {}
-    own |= {"excess": (p.excess,)} if p.excess else {}
+    own = falls_of(p)
     setup = setup_of(model, [RecordedLog("planned", time_s, duty[place], output)])
     setup = replace(setup, extras=tuple(own), falls_as_left=p.release_as_left)  # as the fit of such a log has them
     start = np.concatenate([model.unknowns(p), *own.values()])

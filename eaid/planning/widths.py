@@ -46,7 +46,8 @@ STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken
 PER_TURN, MOST_INSTANTS = 40, 2000  # Of what rings, in a turn of its frequency and at most
 ENDLESS_REST_S = 1e9  # A rest that leaves nothing in the states [s]
 NARROWER_POWER = 0.7  # Power of the excess by which a plan is asked for narrower: widths fall faster than predicted
-# Least factor by which a width that was not kept is asked for narrower, and the excess that counts at most
+# Least factor by which a width that was not kept is asked for narrower, to the power of how often it was not; and the
+# excess that counts at most
 LEAST_NARROWER, MOST = 1.03, 3.0
 PLAN_ROUNDS = 6  # Times that a plan is made larger
 # Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none
@@ -127,7 +128,7 @@ def enlarged(
     plan = make(widths)
     rows = measure(plan)
     endless = 0
-    for _ in range(PLAN_ROUNDS):
+    for times in range(1, PLAN_ROUNDS + 1):
         kept = kept_widths(rows, keeping)
         endless += any(min(row[name] for row in rows) == inf for name in wanted)
         excess = {name: kept[name] / width for name, width in wanted.items()}
@@ -135,7 +136,7 @@ def enlarged(
             break
         for name, ratio in excess.items():
             if ratio > 1:
-                widths[name] /= max(LEAST_NARROWER, min(ratio, MOST) ** NARROWER_POWER)
+                widths[name] /= max(LEAST_NARROWER**times, min(ratio, MOST) ** NARROWER_POWER)
         larger = make(widths)
         if larger != plan:
             known = {name: width for name, width in plan.half_width_pct.items() if 0 < width < inf}
