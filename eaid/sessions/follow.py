@@ -82,7 +82,7 @@ def followed(
         shown[file] = []
         rows_from_rest = [one for one in fit.friction_levels if one.from_ == 0]
         if not rows_from_rest:
-            yield from map(_seen, runs)
+            yield from map(_line_without_step, runs)
         for row in rows_from_rest:
             said, fine = _judged_value(fit, row.level, row.Ts, rig, [one for each in shown.values() for one in each])
             shown[file] += [(row.level, row.Ts)] if fine else []
@@ -112,7 +112,7 @@ def _judged_value(
     return f"{said} (expected {ends}) {'ok' if fine else 'outside: record again?'}", fine
 
 
-def _seen(run: Run) -> str:
+def _line_without_step(run: Run) -> str:
     """What a log holds that no step from rest is in."""
     low, high = (f"{end(run.input):.3g}" for end in (np.min, np.max))
     inputs = f"{low} … {high} {run.input_unit}".rstrip() if run.has_input else "no input"
