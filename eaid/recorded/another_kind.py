@@ -21,8 +21,8 @@ from eaid.levels.release import release_of
 from eaid.levels.workflow import usual_idle
 from eaid.options import FitOptions
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import subtract_white_noise
-from eaid.recorded.fit import chosen_of, experiment_of, fit_of
+from eaid.recorded.choice import choose_plant, subtract_white_noise
+from eaid.recorded.fit import experiment_of, fit_of
 from eaid.recorded.plant_part import levels_of_plant
 from eaid.results.fit import Fit
 from eaid.results.verdict import judged
@@ -58,7 +58,7 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
     one = "lag+dead" if fit.dead_time_s > 0 else "lag"
     try:
         experiment = experiment_of(logs, how, logs, repeats=stepset.levels, falls=False)
-        chosen = chosen_of(experiment)
+        chosen = choose_plant(experiment)
         for kind in ("", one):  # the one of evidence; then the one that the two lags became
             if kind:
                 of_lag = max((row.fit_pct or 0.0 for row in chosen.kinds if row.kind == one), default=0.0)

@@ -1,6 +1,6 @@
 """Which plant recorded logs have: the clutch's own form, with its dead time and its falls, or another kind of lag."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -14,7 +14,6 @@ from eaid.estimate.recorded_log import RecordedLog, add_rest, shift_input, take_
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE, share_is_told
 from eaid.levels.from_steps import ENDLESS_RECORDS
-from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Knots, PerLevel, Proportional, Sides
@@ -48,7 +47,16 @@ from eaid.recorded.from_logs import (
     setup_of,
     start_states,
 )
-from eaid.recorded.inputs import BEYOND_INPUTS, FEW_LEVELS, FOLLOWS_SURELY, MANY_LEVELS, NEXT_TO_REST, Excited, follows
+from eaid.recorded.inputs import (
+    BEYOND_INPUTS,
+    FEW_LEVELS,
+    FOLLOWS_SURELY,
+    MANY_LEVELS,
+    NEXT_TO_REST,
+    Excited,
+    Experiment,
+    follows,
+)
 from eaid.recorded.kinds import (
     LAG_KINDS,
     PRICE,
@@ -113,6 +121,11 @@ class Chosen:
     searched: "Searched | None" = None  # Where other kinds were tried, all of them
 
     @property
+    def tried(self) -> list[Solved]:
+        """The fit, and that of the clutch's form where it is another."""
+        return [one for one in (self.solved, self.clutch) if one is not None]
+
+    @property
     def of_clutch(self) -> bool:
         """Whether it is the clutch's own form."""
         return self.searched is None or self.kinds[0].kind == "clutch"
@@ -132,76 +145,58 @@ class Chosen:
 class Searched:
     """Every kind that was tried of logs, the one that evidence chooses first."""
 
-    rows: tuple[Tried, ...]
-    search: Search
-    noted: tuple[RecordedLog, ...]  # The logs with their inputs where these were noted
+    experiment: Experiment
     late: tuple[Delay, ...]
-    inputs: Excited
-    clutch: Chosen | None
-    falls: bool  # Whether falls may have numbers of their own
-
-    @property
-    def of_loops(self) -> bool:
-        """Whether some log is a loop's."""
-        return any(log.reference is not None for log in self.search.logs)
+    search: Search  # The logs with their inputs where they acted
+    rows: tuple[Tried, ...]
+    clutch: Chosen | None = None
 
 
-def choose_plant(
-    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
-    of_steps_s: float, falls: bool,
-) -> Chosen:  # fmt: skip
+def choose_plant(experiment: Experiment) -> Chosen:
     """The plant of the logs, without a creep of their outputs where they show one; steps and loops are not asked."""
-    chosen = _choose_plant(logs, others, inputs, options, rests, of_steps_s, falls)
-    if others or not falls or input_answers_output(chosen.solved, chosen.logs):
+    chosen, logs = _choose_plant(experiment), experiment.logs
+    if experiment.others or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
-    gains = find_gain_drift([one for one in (chosen.solved, chosen.clutch) if one is not None])
+    gains = find_gain_drift(chosen.tried)
     creeps = np.zeros(0) if chosen.clutch is None else find_far_creeps(chosen.clutch, chosen.logs, gains)
     if gains is not None and not creeps.any():
-        return _choose_behind_drift(
-            logs, gains, chosen, lambda plain: _choose_plant(plain, others, inputs, options, rests, of_steps_s, falls)
-        )
-    creeps = creeps if creeps.any() else find_creeps(chosen.solved, chosen.clutch, chosen.logs)
+        return _choose_behind_drift(experiment, gains, chosen)
+    creeps = creeps if creeps.any() else find_creeps(chosen.tried, chosen.logs)
     if not creeps.any():
         return chosen
     plain = [take_off_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
-    again = _choose_plant(plain, others, inputs, options, rests, of_steps_s, falls)
+    again = _choose_plant(replace(experiment, logs=plain))
     solved, without = refit_with_creeps(again.solved, again.logs)
     better = solved.cost < chosen.solved.cost - by_noise(solved, len(logs))
     return replace(again, solved=solved, logs=without) if better and sure(solved, without) else chosen
 
 
-def _choose_behind_drift(
-    logs: Sequence[RecordedLog], gains: Array, chosen: Chosen, choose: Callable[[Sequence[RecordedLog]], Chosen]
-) -> Chosen:
+def _choose_behind_drift(experiment: Experiment, gains: Array, chosen: Chosen) -> Chosen:
     """The plant of logs whose gains grow by such parts, as those amid them make it, which is told."""
     again, total = chosen, gains
     for _ in range(DRIFT_ROUNDS):
         plain = [take_off_drift(log, part, idle_found(again.solved, k) + (log.baseline or 0.0))
-                 for k, (log, part) in enumerate(zip(logs, total.tolist(), strict=True))]  # fmt: skip
-        again = choose(plain)
-        more = find_gain_drift([one for one in (again.solved, again.clutch) if one is not None], SURE_GAIN)
+                 for k, (log, part) in enumerate(zip(experiment.logs, total.tolist(), strict=True))]  # fmt: skip
+        again = _choose_plant(replace(experiment, logs=plain))
+        more = find_gain_drift(again.tried, SURE_GAIN)
         if more is None:
             break
         total = total + more
-    rows = zip(logs, (100 * total).tolist(), strict=True)
+    rows = zip(experiment.logs, (100 * total).tolist(), strict=True)
     told = [finding("gain-drifts", log.name, pct=pct) for log, pct in rows if abs(pct) > 100 * LEAST_GAIN]
     return replace(again, findings=[*again.findings, *told])
 
 
-def _choose_plant(
-    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
-    of_steps_s: float, falls: bool,
-) -> Chosen:  # fmt: skip
+def _choose_plant(experiment: Experiment) -> Chosen:
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
     as much with less, or more. Logs with steps beside them keep the clutch's."""
-    signed = any(float(log.input.min()) < 0 for log in logs)
-    clutch = None
-    if not signed:
-        clutch = _fit_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
+    logs, options = experiment.logs, experiment.options
+    clutch = None if experiment.signed else _fit_clutch(experiment)
     inside, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
     near = BEYOND_INPUTS * float(inside.max())
     beyond = asked is not None and not inside.min() - near <= asked[0] < asked[1] <= inside.max() + near
-    alone = not others and options.share == SHARE and not beyond  # another kind says nothing of inputs never seen
+    # another kind says nothing of inputs never seen
+    alone = not experiment.others and options.share == SHARE and not beyond
     # where no input ever changes, gain and idle output cannot be told apart
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
     if clutch is not None and (still or not alone or options.through):
@@ -211,28 +206,27 @@ def _choose_plant(
     if clutch is not None and (over := fit_overshoot(clutch.solved)) is not None:
         rivals.append(Tried(LagKind("zero", "pair", zero=True), over))
     late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
-    search, rows, late = _try_kinds_behind(logs, late, inputs, options, rivals)
-    if clutch is not None and falls:
-        rows = refit_with_own_falls(search, rows, clutch, inputs)
-    ended = rows[0]
-    searched = Searched(tuple(rows), search, tuple(logs), late, inputs, clutch, falls)
+    searched = _try_kinds_behind(experiment, late, rivals)
     if clutch is not None:
-        rows = rank_beside_clutch(rows, search.logs, inputs, options.duty is None, searched.of_loops)
-    if rows[0] is not ended:  # the others stand as they were looked at
-        rows[0] = refit_on_all(search, rows[0], last=True)
-    return choose_kind(replace(searched, rows=tuple(rows)))
+        searched = replace(searched, clutch=clutch)
+        ended = refit_with_own_falls(searched, clutch) if experiment.falls else searched.rows
+        rows = rank_beside_clutch(replace(searched, rows=tuple(ended)))
+        if rows[0] is not ended[0]:  # the others stand as they were looked at
+            rows[0] = refit_on_all(searched.search, rows[0], last=True)
+        searched = replace(searched, rows=tuple(rows))
+    return choose_kind(searched)
 
 
 def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     """The plant of the kind that evidence chooses, or of the best row of the one that is `wanted`."""
-    rows, logs, clutch, inputs = list(searched.rows), searched.search.logs, searched.clutch, searched.inputs
+    rows, logs, clutch, inputs = list(searched.rows), searched.search.logs, searched.clutch, searched.experiment.inputs
     if all(follows(log) > FOLLOWS_SURELY for log in logs):  # of one tone, a long dead time makes a gain below 0
         rows = [one for one in rows if not falls_with_input(one, inputs)] or rows
     if wanted:
         rows = sorted(rows, key=lambda one: one.kind.name != wanted)
     if rows[0] is not searched.rows[0]:
         rows[0] = refit_on_all(searched.search, rows[0], last=True)
-    best, total, of_loops = rows[0], sum(squares_about_mean(log) for log in logs), searched.of_loops
+    best, total, of_loops = rows[0], sum(squares_about_mean(log) for log in logs), searched.experiment.of_loops
     explains = best.cost <= (1 - LITTLE_BY_KIND_PCT / 100) ** 2 * total  # noise alone wanders, too
     if explains and not of_loops and integrates(searched.search, best):
         raise DataError(*(integrator_message(log) for log in logs))
@@ -249,16 +243,15 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds, searched=searched)
     best = separate_lags(best)
-    kinds = (kind_row(best, spread_of_all, best.score), *kinds[1:])
-    of_lags = searched.falls and explains and not (signed or input_answers_output(best.solved, logs))
+    of_lags = searched.experiment.falls and explains and not (signed or input_answers_output(best.solved, logs))
     of_falls, found = tuple[FallTest, ...](), tuple[Finding, ...]()
     if of_lags and (pair := refit_as_two_lags(best.solved)) is not None:
         solved, of_falls, found = test_falls(pair, inputs, free=True)
         if solved is not pair:  # the kind that is taken, with its falls
             best = replace(best, solved=solved)
-            kinds = (kind_row(best, spread_of_all, best.score), *kinds[1:])
+    kinds = (kind_row(best, spread_of_all, best.score), *kinds[1:])
     told = _kind_findings(best, kinds, logs)
-    told += [more for one, log in zip(searched.late, searched.noted, strict=True) for more in one.told(log)]
+    told += [more for one, log in zip(searched.late, logs, strict=True) for more in one.told(log)]
     of_clutch = None if clutch is None else clutch.clutch
     logs = logs if clutch is None or best.kind in LAG_KINDS else clutch.logs
     return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], searched.late, of_clutch, searched)
@@ -269,16 +262,15 @@ def falls_with_input(one: Tried, inputs: Excited) -> bool:
     return bool((plant_found(one.solved).curve(inputs.shown) < 0).all())
 
 
-def rank_beside_clutch(
-    rows: Sequence[Tried], logs: Sequence[RecordedLog], inputs: Excited, all_inputs: bool, of_loops: bool
-) -> list[Tried]:
+def rank_beside_clutch(searched: Searched) -> list[Tried]:
     """The kinds, the one to be taken first: the clutch's form stands where it explains as much, and gives way where the
     logs leave its T_s open, or far beyond what they have reached."""
+    rows, inputs = searched.rows, searched.experiment.inputs
     own = next(one for one in rows if one.kind.name == "clutch")
     first = rows[0]
-    if own is first and all_inputs:
+    if own is first and searched.experiment.options.duty is None:
         simple = next(one for one in rows if one is not own)
-        explains = simple.cost <= LEFT_BY_KIND * sum(squares_about_mean(log) for log in logs)
+        explains = simple.cost <= LEFT_BY_KIND * sum(squares_about_mean(log) for log in searched.search.logs)
         well = simple.cost <= AS_WELL * own.cost
         if (explains and lies_beyond_outputs(own.solved, inputs)) or (well and leaves_Ts_open(own.solved, inputs)):
             first = simple
@@ -291,7 +283,8 @@ def rank_beside_clutch(
         better = own.cost < first.cost - max(DEFAULT_SAVES * first.cost, by_noise)
         if (same_form or better) and not leaves_Ts_open(own.solved, inputs):
             first = own
-    if of_loops and not explains_far_better(first, own):  # noise that goes round a loop bends what has no instruments
+    # noise that goes round a loop bends what has no instruments
+    if searched.experiment.of_loops and not explains_far_better(first, own):
         first = own
     return [first, *(one for one in rows if one is not first)]
 
@@ -352,46 +345,46 @@ def refit_as_two_lags(solved: Solved) -> Solved | None:
     return fit_near(pair, np.concatenate(begin))
 
 
-def refit_with_own_falls(search: Search, rows: Sequence[Tried], clutch: Chosen, inputs: Excited) -> list[Tried]:
+def refit_with_own_falls(searched: Searched, clutch: Chosen) -> Sequence[Tried]:
     """Kinds with one lag having falls of its own where the clutch has, or leaves its τ2 to them: the best and the
     simplest of it, for curves imitate falls."""
+    rows = searched.rows
     names, lags = clutch.fell, [one for one in rows if one.kind.law == "lag"]
     near = rows[0].kind.name == "clutch" and lags[0].cost <= AS_WELL * rows[0].cost
     if not names and near and not input_answers_output(clutch.solved, clutch.logs):
         base = clutch.solved.setup
-        names = list_tests(base.drives, base.model.low, inputs.stepwise, free=True)
+        names = list_tests(base.drives, base.model.low, searched.experiment.inputs.stepwise, free=True)
     if not names:
-        return list(rows)
+        return rows
     both = list(dict.fromkeys((lags[0], min(lags, key=lambda one: one.solved.setup.size))))
-    ended = [refit_on_all(search, one, last=True) for one in both]
+    ended = [refit_on_all(searched.search, one, last=True) for one in both]
     fallen = [replace(one, solved=fit_with_falls(one.solved, names)) for one in ended]
     return score_kinds([*fallen, *(one for one in rows if one not in both)])
 
 
 def _try_kinds_behind(
-    logs: Sequence[RecordedLog], late: tuple[Delay, ...], inputs: Excited, options: FitOptions, rivals: Sequence[Tried],
-    passes: int = 4,
-) -> tuple[Search, list[Tried], tuple[Delay, ...]]:  # fmt: skip
+    experiment: Experiment, late: tuple[Delay, ...], rivals: Sequence[Tried], passes: int = 4
+) -> Searched:
     """Every kind fitted to the logs with their inputs where they acted, the best first; and how late these were noted
     by the best kind, which may move them again."""
+    logs, inputs, given_s = experiment.logs, experiment.inputs, experiment.options.held_dead_time_s
     acting = [shift_input(log, one.rows) for log, one in zip(logs, late, strict=True)]
     as_left = any(one.solved.fitted.falls_as_left for one in rivals)
-    search = Search(
-        tuple(mark_resting_starts(acting, inputs)), inputs.low, inputs.high, options.held_dead_time_s, as_left
-    )
+    search = Search(tuple(mark_resting_starts(acting, inputs)), inputs.low, inputs.high, given_s, as_left)
     rows = try_every_kind(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
         shown = [drop_outputs_before(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
         if any(one is not log for one, log in zip(shown, logs, strict=True)):
-            return _try_kinds_behind(shown, late, inputs, options, rivals, passes - 1)
-    found = _find_delays(rows[0].solved, search.logs, late, options)
+            return _try_kinds_behind(replace(experiment, logs=shown), late, rivals, passes - 1)
+    found = _find_delays(rows[0].solved, search, late)
     most = rows[0].cost * (1 + PRICE / count_independent(rows[0].solved))  # that one unknown less leaves by noise
-    without_lead = _replace_lead(search, rows, late, options, most)
+    without_lead = _replace_lead(search, rows, late, most)
     found = without_lead or found
+    here = Searched(experiment, late, search, tuple(rows))
     if [one.rows for one in found] == [one.rows for one in late]:
-        return search, rows, found
-    moved = _try_kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
-    return (search, rows, late) if without_lead and moved[1][0].cost > most else moved
+        return replace(here, late=found)
+    moved = _try_kinds_behind(experiment, found, rivals, passes - 1) if passes > 1 else here
+    return here if without_lead and moved.rows[0].cost > most else moved
 
 
 def drop_outputs_before(log: RecordedLog, dead_s: float) -> RecordedLog:
@@ -402,30 +395,25 @@ def drop_outputs_before(log: RecordedLog, dead_s: float) -> RecordedLog:
     return replace(log, output=np.where(before, np.nan, log.output))
 
 
-def _replace_lead(
-    search: Search, rows: Sequence[Tried], late: tuple[Delay, ...], options: FitOptions, most: float
-) -> tuple[Delay, ...]:
+def _replace_lead(search: Search, rows: Sequence[Tried], late: tuple[Delay, ...], most: float) -> tuple[Delay, ...]:
     """By how much inputs were noted late where the best kind has a zero, as that makes one, and the same lags without
     it leave no more than `most` squares behind their delay; empty where they do not."""
     plain = next((one for one in rows if one.kind.law == "swing" and not (one.kind.zero or one.kind.late)), None)
     if not rows[0].kind.zero or rows[0].kind.late or plain is None:
         return ()
-    found = _find_delays(plain.solved, search.logs, late, options)
+    found = _find_delays(plain.solved, search, late)
     more = [new.rows - old.rows for new, old in zip(found, late, strict=True)]
     return found if any(more) and cost_with_moved_inputs(plain.solved, search.logs, more) <= most else ()
 
 
-def _find_delays(
-    solved: Solved, acting: Sequence[RecordedLog], late: tuple[Delay, ...], options: FitOptions
-) -> tuple[Delay, ...]:
+def _find_delays(solved: Solved, search: Search, late: tuple[Delay, ...]) -> tuple[Delay, ...]:
     """By how much inputs were noted late, by a kind fitted with them `late`; what moved them too far is its dead
     time."""
-    if options.held_dead_time_s is not None:
+    if search.dead_time_s is not None:
         return late
     # a rival was fitted to the logs before their starts were judged
-    acting = [
-        replace(log, idle_start=drive.starts_idle) for log, drive in zip(acting, solved.fitted.drives, strict=False)
-    ]
+    fitted = zip(search.logs, solved.fitted.drives, strict=False)
+    acting = [replace(log, idle_start=drive.starts_idle) for log, drive in fitted]
     if (theta_s := solved.fitted.dead_time(solved.x)) > 0:
         back = [int(theta_s / log.usual_s + WHOLE_ROW) for log in acting]
         moved = [one.later(-by) for one, by in zip(late, back, strict=True)]
@@ -502,17 +490,16 @@ def leaves_Ts_open(solved: Solved, inputs: Excited) -> bool:
     return bool(np.mean(known.half_width[0] > OPEN_TS) >= 0.5)
 
 
-def _fit_clutch(
-    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
-    of_steps_s: float, falls: bool,
-) -> Chosen:  # fmt: skip
+def _fit_clutch(experiment: Experiment) -> Chosen:
     """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
-    base = fit_setup(setup_of(forms.nonlinear(inputs.basis, options.held_share), [*logs, *others], rests))
+    logs, inputs, options, falls = experiment.logs, experiment.inputs, experiment.options, experiment.falls
+    model = forms.nonlinear(inputs.basis, options.held_share)
+    base = fit_setup(setup_of(model, [*logs, *experiment.others], experiment.rests))
     base = fit_falls_as_left(base) if falls else base
-    given_s, ask_share = options.held_dead_time_s, options.share == SHARE and not others
-    behind = fit_behind_dead_time(base, logs, others, given_s, of_steps_s)
+    ask_share = options.share == SHARE and not experiment.others
+    behind = fit_behind_dead_time(base, experiment)
     if ask_share and behind.moved and (free_first := refit_with_share_free(base)) is not None:  # a wrong C moves inputs
-        other = fit_behind_dead_time(free_first[0], logs, others, given_s, of_steps_s)
+        other = fit_behind_dead_time(free_first[0], experiment)
         held = refit_with_share_free(behind.solved) or (behind.solved, 0.0)
         behind = other if other.solved.cost < held[0].cost else behind
     base, findings = behind.solved, []
@@ -653,7 +640,7 @@ def integrator_message(log: RecordedLog) -> str:
     )
 
 
-def set_up_above_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Setup:
+def set_up_above_idle(base: Solved, logs: Sequence[RecordedLog]) -> Setup:
     """The logs with the idle output that the plant has, for the linear model: it begins where the plant does."""
     known = [replace(log, baseline=idle_found(base, k) + (log.baseline or 0.0)) for k, log in enumerate(logs)]
-    return setup_of(base.fitted.model, known, True, theta_s)
+    return setup_of(base.fitted.model, known, True, base.fitted.dead_time(base.x))

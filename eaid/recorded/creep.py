@@ -44,12 +44,12 @@ def creeps_of(solved: Solved) -> Array:
     return np.array([solved.x[place.own[3:]] for place in solved.fitted.places])
 
 
-def find_creeps(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLog]) -> Array:
-    """Creeps that the logs show beside the plant that was chosen, or the clutch, (L, 2); zeros where noise explains
-    them, or they are no creep: little, much, or there and back."""
-    left, nothing = chosen.fitted.problem().value(chosen.x)[0], np.zeros((len(logs), 2))
-    tried = [add_creeps(one, logs) for one in (chosen, clutch) if one is not None]
-    ends = [replace(one, x=end.x, cost=end.cost) for one in tried for end in [approach(one.fitted.problem(), one.x)]]
+def find_creeps(tried: Sequence[Solved], logs: Sequence[RecordedLog]) -> Array:
+    """Creeps that the logs show beside the plant that was chosen, the first, or the clutch, (L, 2); zeros where noise
+    explains them, or they are no creep: little, much, or there and back."""
+    left, nothing = tried[0].fitted.problem().value(tried[0].x)[0], np.zeros((len(logs), 2))
+    begun = [add_creeps(one, logs) for one in tried]
+    ends = [replace(one, x=end.x, cost=end.cost) for one in begun for end in [approach(one.fitted.problem(), one.x)]]
     free = min(ends, key=lambda one: one.cost)
     if left - free.cost <= max(by_noise(free, len(logs)), free.fitted.problem().floor):
         return nothing

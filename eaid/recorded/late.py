@@ -28,6 +28,7 @@ from eaid.plant.drive import Drive, later
 from eaid.plant.sums import unforeseen
 from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Setup, Solved, fit_near, fit_setup, setup_of
+from eaid.recorded.inputs import Experiment
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 REST_COST = 2.0
@@ -88,17 +89,16 @@ class Timed:
         return self.solved.fitted.dead_time_of_plant(self.solved.x) > 0 or any(one.rows for one in self.late)
 
 
-def fit_behind_dead_time(
-    base: Solved, logs: Sequence[RecordedLog], steps: Sequence[RecordedLog], given_s: float | None, of_steps_s: float
-) -> Timed:
+def fit_behind_dead_time(base: Solved, experiment: Experiment) -> Timed:
     """The fit of logs, and of steps with them, behind their dead time: the one given, or what they show.
 
-    `of_steps_s` is what single steps show; it is taken where the logs are fitted better with it. What the logs show is
-    an unknown of the fit, by parts of a sample, and so is the part of a row by which an input was noted late.
+    What single steps show is taken where the logs are fitted better with it. What the logs show is an unknown of the
+    fit, by parts of a sample, and so is the part of a row by which an input was noted late.
     """
     model, rests, as_left = base.fitted.model, base.fitted.idle_free, base.fitted.falls_as_left
+    logs, steps, given_s = experiment.logs, experiment.others, experiment.options.held_dead_time_s
     dead_s, acting = 0.0, tuple(logs)
-    if tried := of_steps_s if given_s is None else given_s:
+    if tried := experiment.dead_time_s if given_s is None else given_s:
         moved = tuple(mark_rest_behind(log, tried) for log in logs)
         behind = fit_setup(setup_of(model, [*moved, *steps], rests, tried, as_left))
         at_rest = behind.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart

@@ -145,7 +145,7 @@ class LagsOwn:
         return [(name, np.exp(value - half), np.exp(value), np.exp(value + half)) for name, value, half in pairs]
 
 
-def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> LagsOwn | None:
+def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> LagsOwn:
     """Where the time constants of held levels lie off their curves by more than the logs, or the runs of levels, leave
     open: each level's τ1 and τ2, and T_s, is an unknown in place of the curves' coefficients."""
     setup, model, part = solved.fitted, solved.fitted.model, solved.fitted.model.slices[1]
@@ -153,7 +153,7 @@ def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> L
     held = inputs.stepwise and 1 < part.stop - part.start <= len(u) - LEVELS_TO_SPARE and len(u) <= FEW_LEVELS
     several, two = max((len(level.runs) for level in levels), default=0) > 1, model.tau2 is not None
     if model.kind not in ("lag", "parallel") or model.signed or not held or (two and several):
-        return None  # what is constant the evidence has chosen
+        return LagsOwn({}, [])  # what is constant the evidence has chosen
     curve, each = solved.curves(u), PerLevel(tuple(u.tolist()))
     at_curve = {"tau1": curve.tau1, "tau2": curve.tau2} if two else {"tau1": curve.tau1}
     by_level = replace(model, Ts=each, tau1=each, tau2=each if two else None)
@@ -164,7 +164,7 @@ def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> L
         place = slice(k * len(u), (k + 1) * len(u))
         tau, rows = found.x[place], np.eye(len(found.x))[place]
         if not found.solver.converged or (tau <= 0).any():
-            return None
+            return LagsOwn({}, [])
         if tau.max() > LONGEST_LAG * setup.longest_hold_s:  # of a level that does not tell it
             continue
         if several:
