@@ -22,7 +22,7 @@ from eaid.options import RigExtras
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
 from eaid.recorded.few_rows import Copies
-from eaid.recorded.from_logs import Solved, idle_found, plant_found
+from eaid.recorded.from_logs import Solved, idle_found, plant_found, with_dead_time
 from eaid.recorded.late import follows_output
 from eaid.recorded.log_intervals import spread
 from eaid.replay.controllers import feedback
@@ -114,8 +114,8 @@ def refit_by_instruments(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
     if found is None or base.fitted.dead_time_s or "dead" in base.fitted.extras:
         return found or base
     at, dt_s = base.fitted.shared, median([log.usual_s for log in logs])
-    with_dead = replace(base.fitted, extras=(*base.fitted.extras, "dead"))
-    late = _by_instruments(replace(found, fitted=with_dead, x=np.insert(found.x, at, dt_s)), logs, laws)
+    setup, x = with_dead_time(base.fitted, found.x, dt_s)
+    late = _by_instruments(replace(found, fitted=setup, x=x), logs, laws)
     if late is None or late.x[at] < SHOWN * spread(late).of(np.eye(len(late.x))[at]):
         return found
     return late

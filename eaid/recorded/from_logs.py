@@ -256,6 +256,11 @@ def setup_of(
     )  # fmt: skip
 
 
+def with_dead_time(setup: Setup, x: Array, theta_s: float) -> tuple[Setup, Array]:
+    """The same with the dead time as an unknown, and the unknowns with its value."""
+    return replace(setup, extras=(*setup.extras, "dead")), np.insert(x, setup.shared, theta_s)
+
+
 def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:
     """Costs (K,) of some x, (K, n), and places (K, n) with what enters linearly solved for."""
     model, x = setup.model, np.array(shapes)

@@ -27,7 +27,7 @@ from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive, later
 from eaid.plant.sums import unforeseen
 from eaid.recorded.few_rows import Copies
-from eaid.recorded.from_logs import Setup, Solved, fit_near, fit_setup, setup_of
+from eaid.recorded.from_logs import Setup, Solved, fit_near, fit_setup, setup_of, with_dead_time
 from eaid.recorded.inputs import Experiment
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
@@ -120,9 +120,7 @@ def fit_behind_dead_time(base: Solved, experiment: Experiment) -> Timed:
     if any(one.rows for one in found):
         base = fit_setup(setup_of(model, [*acting, *steps], rests, dead_s, as_left))
     if dead_s or base.fitted.between_rows:
-        x, setup = base.x, base.fitted
-        at = setup.shared
-        base = fit_near(replace(setup, extras=(*setup.extras, "dead")), np.r_[x[:at], dead_s, x[at:]])
+        base = fit_near(*with_dead_time(base.fitted, base.x, dead_s))
     return Timed(base, acting, late)
 
 
