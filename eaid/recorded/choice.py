@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.special import chdtri
 
 from eaid.arrays import Array, white_squares
 from eaid.errors import DataError, UsageError
@@ -20,7 +19,6 @@ from eaid.plant.forms import Knots, PerLevel, Proportional, Sides
 from eaid.recorded.creep import (
     LEAST_GAIN,
     SURE_GAIN,
-    by_noise,
     find_creeps,
     find_far_creeps,
     find_gain_drift,
@@ -65,6 +63,7 @@ from eaid.recorded.kinds import (
     Tried,
     count_independent,
     integrates,
+    noise_saves,
     refit_on_all,
     score_kinds,
     try_every_kind,
@@ -105,6 +104,15 @@ ALL_INPUTS = 11  # Inputs over which a form is laid out
 FARTHEST_PATTERN, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
+# Why a log whose output falls where its input rises, or whose output's rate follows its input, is refused
+WRONG_SIGN = (
+    "its output falls where its input rises, and a controller would be turned round; write the output, or the input, "
+    "with the other sign"
+)
+INTEGRATES_INPUT = (
+    "its output integrates its input (its rate follows the input, and no lag within the log brings it to rest), as a "
+    "position follows a motor's voltage; fit the output's rate, or close a loop and fit that"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +175,7 @@ def choose_plant(experiment: Experiment) -> Chosen:
     plain = [take_off_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
     again = _choose_plant(replace(experiment, logs=plain))
     solved, without = refit_with_creeps(again.solved, again.logs)
-    better = solved.cost < chosen.solved.cost - by_noise(solved, len(logs))
+    better = solved.cost < chosen.solved.cost - noise_saves(solved, 2 * len(logs))
     return replace(again, solved=solved, logs=without) if better and sure(solved, without) else chosen
 
 
@@ -229,7 +237,7 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     best, total, of_loops = rows[0], sum(squares_about_mean(log) for log in logs), searched.experiment.of_loops
     explains = best.cost <= (1 - LITTLE_BY_KIND_PCT / 100) ** 2 * total  # noise alone wanders, too
     if explains and not of_loops and integrates(searched.search, best):
-        raise DataError(*(integrator_message(log) for log in logs))
+        raise DataError(*(f"{log.source or log.name}: {INTEGRATES_INPUT}" for log in logs))
     spread_of_all = squares_about_mean(*logs)  # as every other fit counts
     kinds = tuple(kind_row(one, spread_of_all, best.score) for one in rows)
     signed = searched.search.signed
@@ -239,7 +247,7 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
         and (kinds[0].fit_pct or 0.0) > LITTLE_BY_KIND_PCT
         and not drift_findings(best.solved, logs)
     ):
-        raise DataError(*(wrong_sign_message(log) for log in logs))
+        raise DataError(*(f"{log.source or log.name}: {WRONG_SIGN}" for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds, searched=searched)
     best = separate_lags(best)
@@ -279,13 +287,15 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
         more = own.solved.setup.size - first.solved.setup.size
         parallel = plant_found(first.solved).kind == "parallel"
         same_form = parallel and own.cost <= first.cost + AS_MUCH * PRICE * noise  # with another C
-        by_noise = float(chdtri(more, DEFAULT_CHANCE)) * noise if more > 0 else 0.0
+        by_noise = noise_saves(first.solved, more, DEFAULT_CHANCE) if more > 0 else 0.0
         better = own.cost < first.cost - max(DEFAULT_SAVES * first.cost, by_noise)
         if (same_form or better) and not leaves_Ts_open(own.solved, inputs):
             first = own
     # noise that goes round a loop bends what has no instruments
-    if searched.experiment.of_loops and not explains_far_better(first, own):
-        first = own
+    if searched.experiment.of_loops:
+        white = sum(map(white_squares, first.solved.missed))
+        left, of_clutch = subtract_white_noise((first.cost, own.cost), white)
+        first = first if left <= LOOPS_BETTER * of_clutch else own
     return [first, *(one for one in rows if one is not first)]
 
 
@@ -299,7 +309,7 @@ def lay_over_all(clutch: Solved, inputs: Excited) -> Solved:
     wide = forms.nonlinear(np.linspace(least, most, ALL_INPUTS), model.share)
     start = np.append(wide.unknowns(plant_found(clutch)), clutch.x[model.size :])
     found = fit_near(replace(clutch.fitted, model=wide), start)
-    by_noise = float(chdtri(len(forms.PAPER_DEGREES), SHARE_CHANCE)) * found.cost / count_independent(found)
+    by_noise = noise_saves(found, len(forms.PAPER_DEGREES))
     return found if found.cost < clutch.cost - by_noise else clutch
 
 
@@ -323,8 +333,7 @@ def separate_lags(best: Tried) -> Tried:
     than noise does."""
     if not (best.kind.zero and best.paced) or (pair := refit_as_two_lags(best.solved)) is None:
         return best
-    more = pair.fitted.size - best.solved.fitted.size
-    by_noise = float(chdtri(more, SHARE_CHANCE)) * pair.cost / count_independent(pair)
+    by_noise = noise_saves(pair, pair.fitted.size - best.solved.fitted.size)
     apart = pair.cost < best.cost - max(DEFAULT_SAVES * best.cost, by_noise)
     return replace(best, solved=pair, within=0.0) if apart else best
 
@@ -424,12 +433,6 @@ def _find_delays(solved: Solved, search: Search, late: tuple[Delay, ...]) -> tup
     return tuple(one if one.rows > 0 else ON_TIME for one in moved)
 
 
-def explains_far_better(one: Tried, own: Tried) -> bool:
-    """Whether a kind leaves far less of a loop's log than the clutch."""
-    left, of_clutch = subtract_white_noise((one.cost, own.cost), sum(map(white_squares, one.solved.missed)))
-    return left <= LOOPS_BETTER * of_clutch
-
-
 def subtract_white_noise(squares: tuple[float, float], white: float) -> tuple[float, float]:
     """What two fits leave, without the white noise that hides how they differ where it is most of the first's."""
     noise = white if white >= MOSTLY * squares[0] else 0.0
@@ -443,8 +446,7 @@ def mark_resting_starts(logs: Sequence[RecordedLog], inputs: Excited) -> list[Re
         begins = log.idle_start is None and not log.starts_idle and log.input[0] == 0 and bool(log.input.any())
         if begins:
             resting = replace(log, idle_start=True)
-            costs = [quick_cost(Search((one,), inputs.low, inputs.high)) for one in (resting, log)]
-            log = resting if costs[0] <= REST_BELIEVED * costs[1] else log
+            log = resting if quick_cost(resting, inputs) <= REST_BELIEVED * quick_cost(log, inputs) else log
         found.append(log)
     return found
 
@@ -454,12 +456,12 @@ def add_rest_before(log: RecordedLog, inputs: Excited) -> RecordedLog:
     if log.idle_start is not None or log.input[0] == 0 or np.ptp(log.input) == 0 or log.reference is not None:
         return log
     resting = add_rest(log)
-    costs = [quick_cost(Search((one,), inputs.low, inputs.high)) for one in (resting, log)]
-    return resting if costs[0] < (1 - LOWER) * costs[1] else log
+    return resting if quick_cost(resting, inputs) < (1 - LOWER) * quick_cost(log, inputs) else log
 
 
-def quick_cost(search: Search) -> float:
-    """Squares that the best lag near a few with dead times leaves."""
+def quick_cost(log: RecordedLog, inputs: Excited) -> float:
+    """Squares that the best lag near a few with dead times leaves of a log."""
+    search = Search((log,), inputs.low, inputs.high)
     shapes = [(tau, np.inf) for tau in np.geomspace(search.shortest_s, search.longest_s, 12).tolist()]
     rows = list[tuple[float, float, float]]()
     for theta in (0.0, *np.geomspace(0.5 * search.shortest_s, 0.2 * search.longest_s, 8).tolist()):
@@ -558,8 +560,7 @@ def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solv
         at = np.linspace(model.low, model.high, count)
     found = fit_through(base, Knots(tuple(at.tolist())))
     chance = SHARE_CHANCE if count == KNOTS else DEFAULT_CHANCE  # once no cubic does, a few more cost little
-    by_noise = float(chdtri(count - first, chance)) * found.cost / count_independent(found)
-    if not found.cost < base.cost - by_noise:
+    if not found.cost < base.cost - noise_saves(found, count - first, chance):
         return None
     return (fit_through_knots(found, inputs, 2 * count - 1) or found) if count < MOST_KNOTS else found
 
@@ -572,16 +573,21 @@ def input_answers_output(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
 def refit_with_share_free(held: Solved) -> tuple[Solved, float] | None:
     """A fit with C free, be it so already, and its half-width, where logs reject the one that was held and tell
     another."""
-    setup, free, at = held.fitted, held, held.fitted.model.size - 1
-    if setup.model.share is not None:
-        at = setup.model.size
-        free = fit_near(replace(setup, model=replace(setup.model, share=None)), np.insert(held.x, at, SHARE))
-        by_noise = float(chdtri(1, SHARE_CHANCE)) * held.cost / count_independent(held)
-        if free.cost > held.cost - by_noise or not 0 < free.x[at] < 1:
-            return None
+    free = held
+    if held.fitted.model.share is not None:
+        free = free_share(held, held.fitted.model.share)
+    at = free.fitted.model.size - 1
+    if free is not held and (free.cost > held.cost - noise_saves(held, 1) or not 0 < free.x[at] < 1):
+        return None
     half = spread(free).of(np.eye(len(free.x))[at])
     sure = abs(free.x[at] - SHARE) > half and share_is_told(free.x[at] - half, free.x[at] + half)
     return (free, half) if sure else None
+
+
+def free_share(held: Solved, share: float) -> Solved:
+    """The fit with C as an unknown, from where it was held at."""
+    model = held.fitted.model
+    return fit_near(replace(held.fitted, model=replace(model, share=None)), np.insert(held.x, model.size, share))
 
 
 def fit_overshoot(clutch: Solved) -> Solved | None:
@@ -589,7 +595,7 @@ def fit_overshoot(clutch: Solved) -> Solved | None:
     setup, model, (gain, one, two) = clutch.fitted, clutch.fitted.model, clutch.fitted.model.slices
     if model.share is None or model.tau2 is None:
         return None
-    free = fit_near(replace(setup, model=replace(model, share=None)), np.insert(clutch.x, model.size, model.share))
+    free = free_share(clutch, model.share)
     endless = float(clutch.curves(model.limited).tau2.max()) > ENDLESS_RECORDS * setup.longest_s
     if free.x[model.size] < AT_ONE and not endless:
         return None
@@ -621,23 +627,6 @@ def kind_row(one: Tried, total: float, least: float) -> KindTried:
     score = one.score / least if least > 0 else None
     lags: Literal["constant", "curve"] = "curve" if one.paced or one.kind.name == "clutch" else "constant"
     return KindTried(one.name, gain, lags, one.solved.setup.size, fit_pct, score)
-
-
-def wrong_sign_message(log: RecordedLog) -> str:
-    """Why a log whose output falls where its input rises is refused."""
-    return (
-        f"{log.source or log.name}: its output falls where its input rises, and a controller would be turned round; "
-        "write the output, or the input, with the other sign"
-    )
-
-
-def integrator_message(log: RecordedLog) -> str:
-    """Why a log whose output's rate follows its input is refused."""
-    return (
-        f"{log.source or log.name}: its output integrates its input (its rate follows the input, and no lag within the "
-        "log brings it to rest), as a position follows a motor's voltage; fit the output's rate, or close a loop and "
-        "fit that"
-    )
 
 
 def set_up_above_idle(base: Solved, logs: Sequence[RecordedLog]) -> Setup:

@@ -229,15 +229,12 @@ def friction_of_logs(
             solved = fit_with_falls(solved, extras)
     share, tables = plant_found(solved).C, solved.curves(levels)
     ends = {row.level: row.ci95 for row in (() if known is None else known.rows)}
-    steady = tables.steady if own is None else np.exp(own.Ts)
-    for u, both in () if own is None or known is None else zip(own.u.tolist(), own.ends, strict=True):
-        ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), Ts=both)
-    taus = {"tau1": tables.tau1, "tau2": tables.tau2}
-    for name, low, value, high in lags.rows:
-        taus[name] = value
+    numbers = {"Ts": tables.steady, "tau1": tables.tau1, "tau2": tables.tau2}
+    for name, low, value, high in (*([] if own is None else [own.row]), *lags.rows):
+        numbers[name] = value
         for u, least, most in zip(levels.tolist(), low.tolist(), high.tolist(), strict=True) if known else ():
             ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), **{name: (least, most)})
-    values = zip(steady.tolist(), taus["tau1"].tolist(), taus["tau2"].tolist(), strict=True)
+    values = np.stack([*numbers.values()], axis=1).tolist()
     rows = [
         FrictionLevel(
             one.level, Ts, tau1, tau2, share, rmse=one.rmse, sse=one.sse, fit_pct=one.fit_pct, R2=one.R2,

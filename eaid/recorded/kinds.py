@@ -17,11 +17,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.estimate.forms import in_parallel, of_kind
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, newton_step, solver_verdict
+from eaid.levels.creep import SHARE_CHANCE
 from eaid.plant.drive import Drive, beginning, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
@@ -290,6 +292,11 @@ def count_independent(solved: Solved) -> float:
         dt_s = float(drive.dt_s.sum()) / max(len(r), 1)
         count += effective_samples(r, dt_s)
     return max(count, 1.0)
+
+
+def noise_saves(solved: Solved, unknowns: int, chance: float = SHARE_CHANCE) -> float:
+    """Squares that so many unknowns save of nothing but noise, more as rarely as by `chance`."""
+    return float(chdtri(unknowns, chance)) * solved.cost / count_independent(solved)
 
 
 def refit_on_all(search: Search, one: Tried, last: bool = False) -> Tried:

@@ -38,6 +38,9 @@ LAG_KNOWN = 0.5  # Standard error of ln τ of levels by themselves up to which t
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 
 
+OwnRow = tuple[str, Array, Array, Array]  # Name of a number, its lower ends, values and upper ends, (L,)
+
+
 @dataclass(frozen=True, eq=False)
 class LevelsOwn:
     """Levels that were held, ln T_s of each, its own about the curve, and the half-width of its interval, (L,)."""
@@ -57,12 +60,12 @@ class LevelsOwn:
         return [finding("input-leaves-tau-open", "nonlinear", at, parameter="Ts", limit_pct=limit)] if len(at) else []
 
     @property
-    def ends(self) -> list[tuple[float, float]]:
-        """The intervals, on the logarithm but for what may be 0."""
+    def row(self) -> OwnRow:
+        """T_s with the intervals, on the logarithm but for what may be 0."""
         value, may_be_0 = np.exp(self.Ts), self.half > MAY_BE_0
         low = np.where(may_be_0, np.maximum(value * (1 - self.half), 0.0), value * np.exp(-self.half))
         high = np.where(may_be_0, value * (1 + self.half), value * np.exp(np.minimum(self.half, MAY_BE_0)))
-        return list(zip(low.tolist(), high.tolist(), strict=True))
+        return "Ts", low, value, high
 
 
 def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, levels: Sequence[Level]) -> LevelsOwn | None:
@@ -92,7 +95,8 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
     by_curve = bool(flat) or not levels
     told = [*flat, *levels_scatter(line, u, own, curve, by_curve)]
     found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told, through, by_curve and bool(told))
-    if still := [level for level, (_, high) in zip(u.tolist(), found.ends, strict=True) if high <= RESTING * Ts.max()]:
+    still = u[found.row[-1] <= RESTING * Ts.max()]
+    if len(still):
         told.append(msgspec.structs.replace(finding("output-stays-at-rest", "nonlinear", still), severity="caution"))
     return found
 
@@ -139,8 +143,8 @@ class LagsOwn:
     told: list[Finding]
 
     @property
-    def rows(self) -> list[tuple[str, Array, Array, Array]]:
-        """By name the lower ends, the values and the upper ends, (L,)."""
+    def rows(self) -> list[OwnRow]:
+        """Each with its intervals."""
         pairs = ((name, value, half) for name, (value, half) in self.own.items())
         return [(name, np.exp(value - half), np.exp(value), np.exp(value + half)) for name, value, half in pairs]
 
@@ -222,7 +226,8 @@ def plant_part(
         levels.setdefault(name, []).extend([(u, *one)] if one is not None else [])
     by_level = {name: tuple(at) for name, at in levels.items()}
     if known.Ts_levels and own is not None:
-        by_level["Ts"] = tuple((u, *both) for u, both in zip(own.u.tolist(), own.ends, strict=True))
+        _, low, _, high = own.row
+        by_level["Ts"] = tuple(zip(own.u.tolist(), low.tolist(), high.tolist(), strict=True))
     return msgspec.structs.replace(known, ci95=PlantIntervals(levels=by_level, **found), tried=tried)
 
 
