@@ -14,7 +14,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes
+from eaid.arrays import Array, extremes, median
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import map_unknowns, with_intervals
@@ -30,7 +30,7 @@ from eaid.levels.unseen import judge_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.forms import PerLevel
-from eaid.plant.respond import from_rest
+from eaid.plant.respond import from_rest, respond
 from eaid.recorded.choice import Chosen, add_rest_before, choose_plant, set_up_above_idle
 from eaid.recorded.closed_loop import judge_loops, refit_by_instruments
 from eaid.recorded.creep import creep_findings
@@ -40,7 +40,6 @@ from eaid.recorded.from_logs import Setup, Solved, fit_setup, fit_through, idle_
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Experiment, find_inputs, input_findings, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
-from eaid.recorded.limit import goes_beyond, without_largest
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, spread_by_runs
 from eaid.recorded.plant_part import LagsOwn, LevelsOwn, find_own_lags, find_own_levels, intervals, plant_part
 from eaid.results.common import LevelError, Source
@@ -62,6 +61,7 @@ from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged
 from eaid.shapes.each_step import fit_single_steps
 from eaid.steps.levels import wanted_levels
+from eaid.steps.noise import sample_noise, stretches
 from eaid.steps.stepset import Level, StepSet
 
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
@@ -294,6 +294,49 @@ def fit_recorded(
             if goes_beyond(other, within.logs, experiment.logs):
                 experiment, chosen = within, other
     return fit_of(experiment, chosen)
+
+
+# An output that ends below what the plant would give, with noise behind its limit, so that no row repeats another. It
+# comes to its largest value as steeply as it rises, and stays there. A fast plant does so, too: which of both it is,
+# a fit without the rows at that value tells, by whether it goes well beyond.
+NEAR, LARGEST = 4.0, 0.995  # Deviations of the noise about the largest value, which is a quantile of the output
+AT_LIMIT_ROWS, AT_LIMIT = 20, 0.02  # Rows of a stretch at the largest value, and part of all rows in such stretches
+RISE, STEEP = 5, 8.0  # Rows before a stretch over which the output rises by so many deviations of the noise
+LEAST_BEYOND = 0.03  # Part of the largest value by which the plant goes beyond it there
+
+
+def without_largest(log: RecordedLog) -> RecordedLog:
+    """A log without the rows at its largest output, if it comes there as at a limit; itself where it does not."""
+    y, known = log.output, np.isfinite(log.output)
+    if log.limit is not None or log.reference is not None or not known.all():
+        return log
+    noise, top = sample_noise(y), float(np.quantile(y, LARGEST))
+    limit = median(y[y > top - NEAR * noise])
+    starts, stops = stretches(y > limit - NEAR * noise)
+    long = (stops - starts >= AT_LIMIT_ROWS) & (starts >= RISE)
+    starts, stops = starts[long], stops[long]
+    if not len(starts) or (stops - starts).sum() < AT_LIMIT * len(y):
+        return log
+    if median(y[starts] - y[starts - RISE]) < STEEP * noise:
+        return log
+    there = y > limit - NEAR * noise
+    share_pct = 100 * float(there.mean())
+    return replace(log, output=np.where(there, np.nan, y), limit=limit, at_limit_pct=share_pct)
+
+
+def goes_beyond(chosen: Chosen, logs: Sequence[RecordedLog], whole: Sequence[RecordedLog]) -> bool:
+    """Whether the plant that was fitted to logs without their largest outputs goes beyond these in the mean."""
+    solved, plant = chosen.solved, plant_found(chosen.solved)
+    for k, (log, before, acting) in enumerate(zip(logs, whole, chosen.logs, strict=True)):
+        if log is before or log.limit is None:
+            continue
+        changes_s, start = acting.time_s - acting.late_s, start_states(solved, k)
+        y = respond(plant, changes_s, acting.input, acting.time_s, start, acting.stepwise)
+        y = y + idle_found(solved, k) + (acting.baseline or 0.0)
+        rows = np.isin(acting.time_s, log.time_s[np.isnan(log.output)])
+        if float(y[rows].mean()) > (1 + LEAST_BEYOND) * log.limit:
+            return True
+    return False
 
 
 def experiment_of(

@@ -65,8 +65,17 @@ class UnknownsOfLog:
 
     # In x: C, the extras, idle output, x1 and x2 at its first row, both of a creep; −1 where one is no unknown, (12,)
     x: NDArray[np.intp]
-    columns: NDArray[np.intp]  # Places in x of all unknowns that it knows, in the kernel's order
-    kernel: NDArray[np.intp]  # As `x`, among these columns
+    shared: int  # Unknowns that all logs share, the first ones
+
+    @cached_property
+    def columns(self) -> NDArray[np.intp]:
+        """Places in x of all unknowns that it knows, in the kernel's order."""
+        return np.append(np.arange(self.shared), self.own[self.own >= 0])
+
+    @cached_property
+    def kernel(self) -> NDArray[np.intp]:
+        """As `x`, among these columns."""
+        return np.where(self.x >= 0, np.searchsorted(self.columns, self.x), -1)
 
     @property
     def own(self) -> NDArray[np.intp]:
@@ -137,10 +146,8 @@ class Setup:
             loaded, creeps = not drive.starts_idle, k < self.creeping
             of_two = loaded and self.model.tau2 is not None
             free = np.array([self.idle_free and not drive.idle_known, loaded, of_two, creeps, creeps])
-            order = np.cumsum(free) - 1
-            own, local = (np.where(free, first + order, -1) for first in (before, self.shared))
-            columns = np.concatenate([np.arange(self.shared), own[free]])
-            found.append(UnknownsOfLog(np.append(shared, own), columns, np.append(shared, local)))
+            own = np.where(free, before + np.cumsum(free) - 1, -1)
+            found.append(UnknownsOfLog(np.append(shared, own), self.shared))
             before += int(free.sum())
         return tuple(found)
 
