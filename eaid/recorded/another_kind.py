@@ -57,7 +57,7 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
     how = replace(options, ci="none" if options.ci == "none" else "robust")
     one = "lag+dead" if fit.dead_time_s > 0 else "lag"
     try:
-        experiment = experiment_of(logs, how, logs, repeats=stepset.levels, falls=False)
+        experiment = experiment_of(logs, how, repeats=stepset.levels, falls=False)
         chosen = choose_plant(experiment)
         for kind in ("", one):  # the one of evidence; then the one that the two lags became
             if kind:

@@ -377,9 +377,10 @@ def _try_kinds_behind(
     """Every kind fitted to the logs with their inputs where they acted, the best first; and how late these were noted
     by the best kind, which may move them again."""
     logs, inputs, given_s = experiment.logs, experiment.inputs, experiment.options.held_dead_time_s
-    acting = [shift_input(log, one.rows) for log, one in zip(logs, late, strict=True)]
+    acting = (shift_input(log, one.rows) for log, one in zip(logs, late, strict=True))
+    begun = tuple(mark_resting_start(log, inputs) for log in acting)
     as_left = any(one.solved.fitted.falls_as_left for one in rivals)
-    search = Search(tuple(mark_resting_starts(acting, inputs)), inputs.low, inputs.high, given_s, as_left)
+    search = Search(begun, inputs.low, inputs.high, given_s, as_left)
     rows = try_every_kind(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
         shown = [drop_outputs_before(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
@@ -439,16 +440,12 @@ def subtract_white_noise(squares: tuple[float, float], white: float) -> tuple[fl
     return max(squares[0] - noise, 0.0), max(squares[1] - noise, 0.0)
 
 
-def mark_resting_starts(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
-    """The logs, those that begin with some rows at rest known to be at rest where the output does not deny it."""
-    found = []
-    for log in logs:
-        begins = log.idle_start is None and not log.starts_idle and log.input[0] == 0 and bool(log.input.any())
-        if begins:
-            resting = replace(log, idle_start=True)
-            log = resting if quick_cost(resting, inputs) <= REST_BELIEVED * quick_cost(log, inputs) else log
-        found.append(log)
-    return found
+def mark_resting_start(log: RecordedLog, inputs: Excited) -> RecordedLog:
+    """A log that begins with some rows at rest known to be at rest where the output does not deny it."""
+    if log.idle_start is not None or log.starts_idle or log.input[0] != 0 or not log.input.any():
+        return log
+    resting = replace(log, idle_start=True)
+    return resting if quick_cost(resting, inputs) <= REST_BELIEVED * quick_cost(log, inputs) else log
 
 
 def add_rest_before(log: RecordedLog, inputs: Excited) -> RecordedLog:

@@ -21,7 +21,6 @@ from eaid.findings import Finding, finding
 from eaid.options import RigExtras
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
-from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Solved, idle_found, plant_found, with_dead_time
 from eaid.recorded.late import follows_output
 from eaid.recorded.log_intervals import spread
@@ -128,7 +127,7 @@ def _by_instruments(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[La
         now = replace(base, x=x)
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
             if law is not None:
-                drives[k] = Copies(simulate_loop(now, k, log, law)).every
+                drives[k] = simulate_loop(now, k, log, law).drive
         settled = _solve_instruments(base, x, tuple(drives))
         if settled is None:
             return None

@@ -41,7 +41,7 @@ from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Experiment, find_inputs, input_findings, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, spread_by_runs
-from eaid.recorded.plant_part import LagsOwn, LevelsOwn, find_own_lags, find_own_levels, intervals, plant_part
+from eaid.recorded.plant_part import LevelsOwn, OwnRow, find_own_lags, find_own_levels, intervals, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -110,7 +110,6 @@ def data_of_logs(experiment: Experiment) -> FittedData:
     """What was fitted: the logs, before the steps that were fitted with them."""
     logs, inputs = [*experiment.logs, *experiment.others], experiment.inputs
     told = FittedData() if experiment.steps is None else workflow.data_of_steps(experiment.steps)
-    made = [run.synthetic for run in experiment.runs if isinstance(run, Run) and run.synthetic]
     sources = [
         Source(log.source, log.sha256, log.name, baseline_nm=log.baseline, samples=len(log.time_s), edge="recorded")
         for k, log in enumerate(logs)
@@ -124,7 +123,7 @@ def data_of_logs(experiment: Experiment) -> FittedData:
         record_s=(),
         sample_rate_hz=max((len(log.time_s) - 1) / float(log.time_s[-1] - log.time_s[0]) for log in logs),
         sources=(*sources, *told.sources),
-        synthetic=made[0] if made else told.synthetic,
+        synthetic=experiment.synthetic or told.synthetic,
     )
 
 
@@ -212,8 +211,7 @@ def linear_of_logs(experiment: Experiment, chosen: Chosen) -> Linear:
 
 
 def friction_of_logs(
-    experiment: Experiment, base: Solved, known: CurveSpread | None, own: LevelsOwn | None, lags: LagsOwn,
-    of_model: bool,
+    experiment: Experiment, base: Solved, known: CurveSpread | None, own: Sequence[OwnRow], of_model: bool
 ) -> Friction | None:  # fmt: skip
     """T_s, τ1, τ2 of the levels: those `of_model` with their intervals, each level's own where the logs tell it, or
     each level's by itself; None where inputs move, or C is free."""
@@ -223,14 +221,14 @@ def friction_of_logs(
         return None
     solved, levels = base, inputs.levels
     if not of_model:
-        known, own, lags = None, None, LagsOwn({}, [])
+        known, own = None, []
         solved = fit_setup(replace(bare(base), model=forms.friction(levels, share)))
         if extras := tuple(name for name in base.fitted.extras if name != "dead"):
             solved = fit_with_falls(solved, extras)
     share, tables = plant_found(solved).C, solved.curves(levels)
     ends = {row.level: row.ci95 for row in (() if known is None else known.rows)}
     numbers = {"Ts": tables.steady, "tau1": tables.tau1, "tau2": tables.tau2}
-    for name, low, value, high in (*([] if own is None else [own.row]), *lags.rows):
+    for name, low, value, high in own:
         numbers[name] = value
         for u, least, most in zip(levels.tolist(), low.tolist(), high.tolist(), strict=True) if known else ():
             ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), **{name: (least, most)})
@@ -284,8 +282,9 @@ def fit_recorded(
     rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it.
     """
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
-    experiment = experiment_of(logs, options or FitOptions(), runs, steps, falls=falls)
-    experiment = replace(experiment, dead_time_s=dead_time_s)
+    made = (run.synthetic for run in runs if isinstance(run, Run) and run.synthetic)
+    experiment = experiment_of(logs, options or FitOptions(), steps, falls=falls)
+    experiment = replace(experiment, dead_time_s=dead_time_s, synthetic=next(made, None))
     chosen = choose_plant(experiment)
     within = replace(experiment, logs=[without_largest(log) for log in experiment.logs])
     if any(one.limit != log.limit for one, log in zip(within.logs, experiment.logs, strict=True)):
@@ -340,8 +339,8 @@ def goes_beyond(chosen: Chosen, logs: Sequence[RecordedLog], whole: Sequence[Rec
 
 
 def experiment_of(
-    logs: Sequence[RecordedLog], options: FitOptions, runs: Sequence[RecordedLog | Run], steps: StepSet | None = None,
-    repeats: Sequence[Level] = (), falls: bool = True,
+    logs: Sequence[RecordedLog], options: FitOptions, steps: StepSet | None = None, repeats: Sequence[Level] = (),
+    falls: bool = True,
 ) -> Experiment:  # fmt: skip
     """Logs as they are fitted, beside steps of the same clutch; `DataError` for those that tell nothing."""
     refuse(logs)
@@ -350,7 +349,7 @@ def experiment_of(
     others = logs_of_steps(steps) if steps is not None and not signed else []
     inputs = find_inputs([*logs, *others], options.duty, goes_on=True)
     resting = [add_rest_before(log, inputs) for log in logs]
-    return Experiment(resting, others, inputs, options, runs, steps, repeats, falls)
+    return Experiment(resting, others, inputs, options, repeats, falls, steps)
 
 
 def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
@@ -373,12 +372,12 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     own = find_own_levels(base, spreads, inputs, experiment.repeats)
     if own is not None and own.by_form and options.curve == "auto":
         return fit_of(*follow_levels(experiment, chosen, own))
-    lags = find_own_lags(base, inputs, experiment.repeats)
+    lags, of_lags = find_own_lags(base, inputs, experiment.repeats)
     uncertainty, known = None if options.ci == "none" else spreads, None
     if uncertainty is not None and model.kind in ("parallel", "lag"):
         known = curves(base, uncertainty, inputs.shown)
     recorded, told = judge_logs(over, chosen, 0 if uncertainty is None else uncertainty.scatter.count)
-    findings += [*chosen.findings, *told, *lags.told]
+    findings += [*chosen.findings, *told, *of_lags]
     findings += [] if own is None else own.told
     findings += [] if uncertainty is None else uncertainty.scatter.findings
     if known is not None:
@@ -390,7 +389,8 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     findings += [] if linear is None or linear.bounds is None else bounds_findings(linear.per_level, linear.bounds)
     by_model, friction = "nonlinear" in wanted, None
     if "friction" in wanted:
-        friction = friction_of_logs(over, base, known, own, lags, by_model)
+        of_levels = lags if own is None else [own.row, *lags]
+        friction = friction_of_logs(over, base, known, of_levels, by_model)
     shown = by_model and model.kind in ("parallel", "lag") and not model.signed
     release = plant_found(base).release
     return Fit(

@@ -112,7 +112,7 @@ class Setup:
     @cached_property
     def every(self) -> "Setup":
         """The same on every sample."""
-        return replace(self, drives=tuple(one.every for one in self.copies)) if self.copies else self
+        return replace(self, drives=tuple(one.log.drive for one in self.copies)) if self.copies else self
 
     @cached_property
     def crept(self) -> tuple[Array, ...]:
@@ -257,7 +257,7 @@ def setup_of(
         np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in all_logs
     ]
     hold = float(max(holds))
-    rows = tuple(one.every if model.kind == "swing" else one.small for one in copies)
+    rows = tuple(one.log.drive if model.kind == "swing" else one.small for one in copies)
     return Setup(
         model, rows, extras, idle_free, copies, longest, shortest, hold, dead_time_s, creeping, falls_as_left
     )  # fmt: skip

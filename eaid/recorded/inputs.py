@@ -10,7 +10,6 @@ from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
-from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.steps.stepset import Level, StepSet
 
@@ -66,10 +65,10 @@ class Experiment:
     others: Sequence[RecordedLog]  # Steps of the same clutch
     inputs: Excited
     options: FitOptions
-    runs: Sequence[RecordedLog | Run]
-    steps: StepSet | None
     repeats: Sequence[Level] = ()  # Levels whose means the logs are; their runs tell how they scatter
     falls: bool = True  # Whether falls may have numbers of their own
+    steps: StepSet | None = None
+    synthetic: str | None = None  # What made the logs, where no rig did
     dead_time_s: float = 0.0  # That single steps show; taken where the logs are fitted better with it
 
     @property

@@ -415,4 +415,4 @@ def integrates(search: Search, best: Tried) -> bool:
 
 def few_rows(log: Copies) -> Drive:
     """Every row of a log that is not long, else a few that cost what it costs."""
-    return log.every if len(log.log.time_s) <= MOVING_ROWS else log.small
+    return log.log.drive if len(log.log.time_s) <= MOVING_ROWS else log.small

@@ -255,8 +255,9 @@ def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
 
 def fit_one_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
     """The fit of one log by itself, begun at x."""
-    copies = Copies(log, setup.dead_time_s)  # what rings is no polynomial on the blocks of the few rows
-    return approach(set_up_one_log(setup, copies.every if setup.model.kind == "swing" else copies.small).problem(), x)
+    # what rings is no polynomial on the blocks of the few rows
+    drive = log.drive if setup.model.kind == "swing" else Copies(log, setup.dead_time_s).small
+    return approach(set_up_one_log(setup, drive).problem(), x)
 
 
 def step_to_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:

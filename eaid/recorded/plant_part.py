@@ -134,22 +134,7 @@ def _by_logs(found: Solved, u: Array) -> ByThemselves | None:
     return Ts, covariance / np.outer(Ts, Ts), degrees, None
 
 
-@dataclass(frozen=True, eq=False)
-class LagsOwn:
-    """Time constants of held levels, their own where no curve follows them: by name ln τ of each level, and the
-    half-width of its interval, (L,)."""
-
-    own: dict[str, tuple[Array, Array]]
-    told: list[Finding]
-
-    @property
-    def rows(self) -> list[OwnRow]:
-        """Each with its intervals."""
-        pairs = ((name, value, half) for name, (value, half) in self.own.items())
-        return [(name, np.exp(value - half), np.exp(value), np.exp(value + half)) for name, value, half in pairs]
-
-
-def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> LagsOwn:
+def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> tuple[list[OwnRow], list[Finding]]:
     """Where the time constants of held levels lie off their curves by more than the logs, or the runs of levels, leave
     open: each level's τ1 and τ2, and T_s, is an unknown in place of the curves' coefficients."""
     setup, model, part = solved.fitted, solved.fitted.model, solved.fitted.model.slices[1]
@@ -157,18 +142,18 @@ def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> L
     held = inputs.stepwise and 1 < part.stop - part.start <= len(u) - LEVELS_TO_SPARE and len(u) <= FEW_LEVELS
     several, two = max((len(level.runs) for level in levels), default=0) > 1, model.tau2 is not None
     if model.kind not in ("lag", "parallel") or model.signed or not held or (two and several):
-        return LagsOwn({}, [])  # what is constant the evidence has chosen
+        return [], []  # what is constant the evidence has chosen
     curve, each = solved.curves(u), PerLevel(tuple(u.tolist()))
     at_curve = {"tau1": curve.tau1, "tau2": curve.tau2} if two else {"tau1": curve.tau1}
     by_level = replace(model, Ts=each, tau1=each, tau2=each if two else None)
     begin = np.r_[curve.steady, *at_curve.values(), solved.x[model.slices[2].stop :]]
     found = fit_near(replace(setup, model=by_level), begin)
-    of, told, own = spread(found), list[Finding](), dict[str, tuple[Array, Array]]()
+    of, told, own = spread(found), list[Finding](), list[OwnRow]()
     for k, (name, on_curve) in enumerate(at_curve.items(), 1):
         place = slice(k * len(u), (k + 1) * len(u))
         tau, rows = found.x[place], np.eye(len(found.x))[place]
         if not found.solver.converged or (tau <= 0).any():
-            return LagsOwn({}, [])
+            return [], []
         if tau.max() > LONGEST_LAG * setup.longest_hold_s:  # of a level that does not tell it
             continue
         if several:
@@ -182,8 +167,9 @@ def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> L
         value, half, _ = pull_to_line(line, on_curve, degrees)
         if np.abs(value - np.log(on_curve)).max() >= LAG_OFF:
             more = levels_scatter(line, u, value, np.log(on_curve), by_curve=True, parameter=name)
-            told, own = [*told, *more], own | ({name: (value, half)} if more else {})
-    return LagsOwn(own, told)
+            told += more
+            own += [(name, np.exp(value - half), np.exp(value), np.exp(value + half))] if more else []
+    return own, told
 
 
 def _lags_by_runs(found: Solved, levels: Sequence[Level]) -> tuple[Array, float]:

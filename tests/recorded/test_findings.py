@@ -121,13 +121,12 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
 def test_falls_and_hysteresis_that_are_in_the_data() -> None:
     """A kernel of its own made these: falls between levels 1.6 times slower, 3 % more torque after falls."""
     from eaid.estimate.forms import nonlinear
-    from eaid.recorded.few_rows import Copies
     from eaid.recorded.from_logs import Setup
 
     log = random_log(4, 240.0, rest_s=0.0)
     levels = np.linspace(10, 100, 10)
     one = nonlinear(levels, 0.85)
-    drive = Copies(replace(log, output=np.zeros_like(log.output))).every
+    drive = replace(log, output=np.zeros_like(log.output)).drive
     x = np.concatenate([one.unknowns(REFERENCE_PLANT), [1.6, 1.6, 0.03, 0.0]])
     clean = Setup(one, (drive,), ("fall", "excess")).jacobian(x, 0)[1]
     noisy = clean * (1 + 0.002 * np.random.default_rng(1).standard_normal(len(clean)))
