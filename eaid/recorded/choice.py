@@ -361,8 +361,7 @@ def refit_with_own_falls(searched: Searched, clutch: Chosen) -> Sequence[Tried]:
     names, lags = clutch.fell, [one for one in rows if one.kind.law == "lag"]
     near = rows[0].kind.name == "clutch" and lags[0].cost <= AS_WELL * rows[0].cost
     if not names and near and not input_answers_output(clutch.solved, clutch.logs):
-        base = clutch.solved.setup
-        names = list_tests(base.drives, base.model.low, searched.experiment.inputs.stepwise, free=True)
+        names = list_tests(clutch.solved.setup, searched.experiment.inputs.stepwise, free=True)
     if not names:
         return rows
     both = list(dict.fromkeys((lags[0], min(lags, key=lambda one: one.solved.setup.size))))
@@ -383,7 +382,7 @@ def _try_kinds_behind(
     search = Search(begun, inputs.low, inputs.high, given_s, as_left)
     rows = try_every_kind(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
-        shown = [drop_outputs_before(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
+        shown = [drop_outputs_before(log, rows[0].solved.dead_time_s) for log in logs]
         if any(one is not log for one, log in zip(shown, logs, strict=True)):
             return _try_kinds_behind(replace(experiment, logs=shown), late, rivals, passes - 1)
     found = _find_delays(rows[0].solved, search, late)
@@ -424,7 +423,7 @@ def _find_delays(solved: Solved, search: Search, late: tuple[Delay, ...]) -> tup
     # a rival was fitted to the logs before their starts were judged
     fitted = zip(search.logs, solved.fitted.drives, strict=False)
     acting = [replace(log, idle_start=drive.starts_idle) for log, drive in fitted]
-    if (theta_s := solved.fitted.dead_time(solved.x)) > 0:
+    if (theta_s := solved.dead_time_s) > 0:
         back = [int(theta_s / log.usual_s + WHOLE_ROW) for log in acting]
         moved = [one.later(-by) for one, by in zip(late, back, strict=True)]
     else:
@@ -629,4 +628,4 @@ def kind_row(one: Tried, total: float, least: float) -> KindTried:
 def set_up_above_idle(base: Solved, logs: Sequence[RecordedLog]) -> Setup:
     """The logs with the idle output that the plant has, for the linear model: it begins where the plant does."""
     known = [replace(log, baseline=idle_found(base, k) + (log.baseline or 0.0)) for k, log in enumerate(logs)]
-    return setup_of(base.fitted.model, known, True, base.fitted.dead_time(base.x))
+    return setup_of(base.fitted.model, known, True, base.dead_time_s)

@@ -361,9 +361,9 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         code = "idle-not-seen" if model.kind == "parallel" else "rest-not-seen"
         findings += [finding(code, log.name) for log in logs]
     if experiment.of_loops:
-        direct_s = chosen.solved.fitted.dead_time(chosen.solved.x)
+        direct_s = chosen.solved.dead_time_s
         chosen = replace(chosen, solved=refit_by_instruments(chosen.solved, chosen.logs))
-        if (theta_s := chosen.solved.fitted.dead_time(chosen.solved.x)) > direct_s:
+        if (theta_s := chosen.solved.dead_time_s) > direct_s:
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
     base, over = chosen.solved, replace(experiment, inputs=experiment.inputs.over(model.low, model.high))
     inputs, spreads = over.inputs, None
@@ -456,7 +456,7 @@ def judge_logs(experiment: Experiment, chosen: Chosen, engagements: int) -> tupl
         for left in (drift_findings, left_over_findings, column_findings):
             findings += left(base, chosen.logs)
     rows = zip(logs, chosen.logs, chosen.late, strict=True)
-    off_s = base.fitted.dead_time(base.x) if base.fitted.between_rows else 0.0
+    off_s = base.dead_time_s if base.fitted.between_rows else 0.0
     return Recorded(
         logs=tuple(
             msgspec.structs.replace(log_part(base, k, log, without), late_rows=late.rows - off_s / log.usual_s)
@@ -474,4 +474,4 @@ def judge_logs(experiment: Experiment, chosen: Chosen, engagements: int) -> tupl
 
 def bare(base: Solved) -> Setup:
     """The logs of a fit behind its dead time, for a model without falls and creeps of its own."""
-    return replace(base.fitted, extras=(), creeping=0, dead_time_s=base.fitted.dead_time(base.x))
+    return replace(base.fitted, extras=(), creeping=0, dead_time_s=base.dead_time_s)

@@ -406,6 +406,11 @@ class Solved:
         problem = self.setup.problem()
         return np.flatnonzero(problem.A @ self.x - problem.b < 1e-9 + AT_BOUND * np.abs(problem.b))
 
+    @property
+    def dead_time_s(self) -> float:
+        """θ [s]."""
+        return self.fitted.dead_time(self.x)
+
     def curves(self, duty: Array) -> Tables:
         """T_s, τ1 and τ2 at some inputs."""
         return self.setup.model.tables(self.setup.model.rows_of(duty), self.coefficients)

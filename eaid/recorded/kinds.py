@@ -227,7 +227,7 @@ def fit_kind_from(search: Search, kind: LagKind, gain: Form, begin: GridPlace | 
     model = of_kind(
         kind.law, gain, search.low, search.high, search.shortest_s, None if kind.zero else 0.0, search.signed, pace
     )
-    theta = begin.theta if isinstance(begin, GridPlace) else begin.fitted.dead_time(begin.x)
+    theta = begin.theta if isinstance(begin, GridPlace) else begin.dead_time_s
     setup = setup_of(model, search.copies(theta), True, theta)
     few = tuple(map(few_rows, setup.copies))
     setup = replace(setup, drives=few, copies=(), falls_as_left=search.falls_as_left)
@@ -382,7 +382,7 @@ def shows_its_lags(one: Tried, search: Search) -> bool:
     """Whether the logs show both lags: one under half a sample imitates what happens between samples, one that outlasts
     the logs a drift; and a dead time, where the kind has one."""
     model, x = one.solved.setup.model, one.solved.coefficients
-    if one.kind.late and one.solved.fitted.dead_time(one.solved.x) <= 1e-6 * search.shortest_s:
+    if one.kind.late and one.solved.dead_time_s <= 1e-6 * search.shortest_s:
         return False
     if model.kind != "swing":
         return True
@@ -403,7 +403,7 @@ def integrates(search: Search, best: Tried) -> bool:
     if isinstance(best.solved.setup.model.Ts, Sides) and records > MOST_RECORDS:
         return True
     endless = ENDLESS_TAU * search.longest_s
-    theta = best.solved.fitted.dead_time(best.solved.x)
+    theta = best.solved.dead_time_s
     fast = np.geomspace(0.6 * search.shortest_s, search.longest_s, GRID_TAUS)
     costs = [search.cost(theta, endless, math.inf)]
     costs += [  # τ1 and an endless τ2: 1/ω = √(τ1 τ2), ζ = (τ1 + τ2)/(2 √(τ1 τ2))

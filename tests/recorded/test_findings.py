@@ -161,7 +161,7 @@ def test_a_loops_law_is_found() -> None:
     run = synthesise_excitation(clutch(), LOOP, NOISE, 3)[0]
     law = law_behind(recorded_log(run))
     assert law is not None
-    assert (pytest.approx(21.0, rel=1e-6), pytest.approx(360.0, rel=1e-6)) == (law.gains.K_P, law.gains.K_I)
+    assert (pytest.approx(21.0, rel=1e-6), pytest.approx(360.0, rel=1e-6)) == (law[0].K_P, law[0].K_I)
     fit = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)))
     assert fit.recorded is not None
     (loop,) = fit.recorded.loops
