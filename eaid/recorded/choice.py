@@ -234,7 +234,7 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
         rows = sorted(rows, key=lambda one: one.kind.name != wanted)
     if rows[0] is not searched.rows[0]:
         rows[0] = refit_on_all(searched.search, rows[0], last=True)
-    best, total, of_loops = rows[0], sum(squares_about_mean(log) for log in logs), searched.experiment.of_loops
+    best, total, of_loops = rows[0], sum(map(squares_about_mean, logs)), searched.experiment.of_loops
     explains = best.cost <= (1 - LITTLE_BY_KIND_PCT / 100) ** 2 * total  # noise alone wanders, too
     if explains and not of_loops and integrates(searched.search, best):
         raise DataError(*(f"{log.source or log.name}: {INTEGRATES_INPUT}" for log in logs))
@@ -278,7 +278,7 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
     first = rows[0]
     if own is first and searched.experiment.options.duty is None:
         simple = next(one for one in rows if one is not own)
-        explains = simple.cost <= LEFT_BY_KIND * sum(squares_about_mean(log) for log in searched.search.logs)
+        explains = simple.cost <= LEFT_BY_KIND * sum(map(squares_about_mean, searched.search.logs))
         well = simple.cost <= AS_WELL * own.cost
         if (explains and lies_beyond_outputs(own.solved, inputs)) or (well and leaves_Ts_open(own.solved, inputs)):
             first = simple
