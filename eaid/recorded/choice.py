@@ -495,21 +495,23 @@ def _fit_clutch(experiment: Experiment) -> Chosen:
     base = fit_setup(setup_of(model, [*logs, *experiment.others], experiment.rests))
     base = fit_falls_as_left(base) if falls else base
     ask_share = options.share == SHARE and not experiment.others
-    behind = fit_behind_dead_time(base, experiment)
-    if ask_share and behind.moved and (free_first := refit_with_share_free(base)) is not None:  # a wrong C moves inputs
+    behind, acting, late = fit_behind_dead_time(base, experiment)
+    moved = behind.fitted.dead_time_of_plant(behind.x) > 0 or any(one.rows for one in late)
+    if ask_share and moved and (free_first := refit_with_share_free(base)) is not None:  # a wrong C moves inputs
         other = fit_behind_dead_time(free_first[0], experiment)
-        held = refit_with_share_free(behind.solved) or (behind.solved, 0.0)
-        behind = other if other.solved.cost < held[0].cost else behind
-    base, findings = behind.solved, []
+        held = refit_with_share_free(behind) or (behind, 0.0)
+        if other[0].cost < held[0].cost:
+            behind, acting, late = other
+    base, findings = behind, []
     if (theta_s := base.fitted.dead_time_of_plant(base.x)) and falls and not base.fitted.falls_as_left:  # which hid it
         base = fit_falls_as_left(base)
         theta_s = base.fitted.dead_time_of_plant(base.x)
-    for log, one in zip(logs, behind.late, strict=True):
+    for log, one in zip(logs, late, strict=True):
         if one.rows > 0:
             findings += one.told(log)
         elif theta_s > 0:
             findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
-    free = not input_answers_output(base, behind.logs)
+    free = not input_answers_output(base, acting)
     if free and ask_share and (found := refit_with_share_free(base)) is not None:
         base, ends = found
         low, high = (base.x[base.setup.model.size - 1] + np.array([-ends, ends])).tolist()
@@ -531,7 +533,7 @@ def _fit_clutch(experiment: Experiment) -> Chosen:
         findings += more
     if isinstance(curve := base.setup.model.Ts, Knots):
         findings.append(finding("torque-curve-by-evidence", "nonlinear", values=curve.size))
-    return Chosen(base, behind.logs, of_falls, (), findings, behind.late, plain)
+    return Chosen(base, acting, of_falls, (), findings, late, plain)
 
 
 def refit_through_levels(base: Solved, inputs: Excited) -> Solved:

@@ -13,7 +13,7 @@ is of the input as it acted.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -75,22 +75,11 @@ class Delay(NamedTuple):
 ON_TIME = Delay()
 
 
-@dataclass(frozen=True, eq=False)
-class Timed:
-    """A fit behind the dead time of its logs."""
-
-    solved: Solved
-    logs: tuple[RecordedLog, ...]  # With inputs that were noted late where they acted
-    late: tuple[Delay, ...]  # By which each was noted late
-
-    @property
-    def moved(self) -> bool:
-        """Whether inputs act at other times than they were noted."""
-        return self.solved.fitted.dead_time_of_plant(self.solved.x) > 0 or any(one.rows for one in self.late)
-
-
-def fit_behind_dead_time(base: Solved, experiment: Experiment) -> Timed:
-    """The fit of logs, and of steps with them, behind their dead time: the one given, or what they show.
+def fit_behind_dead_time(
+    base: Solved, experiment: Experiment
+) -> tuple[Solved, tuple[RecordedLog, ...], tuple[Delay, ...]]:
+    """The fit of logs, and of steps with them, behind their dead time, the one given or what they show; the logs with
+    their inputs where they acted; and by how much each was noted late.
 
     What single steps show is taken where the logs are fitted better with it. What the logs show is an unknown of the
     fit, by parts of a sample, and so is the part of a row by which an input was noted late.
@@ -105,7 +94,7 @@ def fit_behind_dead_time(base: Solved, experiment: Experiment) -> Timed:
         if given_s is not None or behind.cost < (REST_COST if at_rest else 1 - LOWER) * base.cost:
             base, dead_s, acting = behind, tried, moved
     if given_s is not None:
-        return Timed(base, acting, (ON_TIME,) * len(logs))
+        return base, acting, (ON_TIME,) * len(logs)
     found = delays(base, acting)
     shown = [dead_s - one.rows * log.usual_s for log, one in zip(logs, found, strict=True)]
     begun_s, dead_s = dead_s, max(median([one for one in shown if one > 0] or [0.0]), 0.0)
@@ -115,13 +104,13 @@ def fit_behind_dead_time(base: Solved, experiment: Experiment) -> Timed:
         one.later(rows) if begins < 0 else ON_TIME for one, rows, begins in zip(found, more, shown, strict=True)
     )
     if not any(one.rows for one in found) and not dead_s:
-        return Timed(base, acting, late)
+        return base, acting, late
     acting = tuple(mark_rest_behind(shift_input(log, one.rows), dead_s) for log, one in zip(logs, late, strict=True))
     if any(one.rows for one in found):
         base = fit_setup(setup_of(model, [*acting, *steps], rests, dead_s, as_left))
     if dead_s or base.fitted.between_rows:
         base = fit_near(*with_dead_time(base.fitted, base.x, dead_s))
-    return Timed(base, acting, late)
+    return base, acting, late
 
 
 def mark_rest_behind(log: RecordedLog, dead_s: float) -> RecordedLog:
