@@ -519,15 +519,16 @@ def _fit_clutch(experiment: Experiment) -> Chosen:
     if options.duty is None:
         base = lay_over_all(base, inputs)
     if options.through:
-        base = refit_through_levels(base, inputs)
-    ask_knots = options.curve == "auto" and not options.through
-    if ask_knots:
-        base = fit_through_knots(base, inputs) or base
+        if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
+            raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
+        base = fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
+    if options.curve == "auto":
+        base = fit_through_knots(base, inputs)
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
         base, of_falls, more = test_falls(plain, inputs, free)
-        asked_again = fit_through_knots(base, inputs) if ask_knots and base is not plain else None
-        if asked_again is not None and isinstance(knots := asked_again.setup.model.Ts, Knots):  # which falls had hid
+        again = fit_through_knots(base, inputs) if options.curve == "auto" and base is not plain else base
+        if again is not base and isinstance(knots := again.setup.model.Ts, Knots):  # which falls had hid
             plain = fit_through(plain, knots)
             base, of_falls, more = test_falls(plain, inputs, free)
         findings += more
@@ -536,31 +537,23 @@ def _fit_clutch(experiment: Experiment) -> Chosen:
     return Chosen(base, acting, of_falls, (), findings, late, plain)
 
 
-def refit_through_levels(base: Solved, inputs: Excited) -> Solved:
-    """A fit with T_s(u) through the values of the levels that its logs hold."""
-    if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
-        raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
-    return fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
-
-
-def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solved | None:
+def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solved:
     """A fit with T_s(u) through values at `count` inputs, or more, where logs ask for more than a cubic, be it for
-    falls or a hysteresis that they do not have; None where they do not, or hold few levels, or have such a T_s(u)."""
+    falls or a hysteresis that they do not have; itself where they do not, or hold few levels, or have such a T_s(u)."""
     model, first = base.setup.model, base.setup.model.slices[0].stop
-    if count <= first or (inputs.stepwise and len(inputs.levels) <= FEW_LEVELS):
-        return None
-    sizes = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.fitted.every.drives]))
+    if not first < count <= MOST_KNOTS or (inputs.stepwise and len(inputs.levels) <= FEW_LEVELS):
+        return base
+    sizes = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.setup.drives]))
     sizes = sizes[(sizes > 0) & (sizes >= model.low) & (sizes <= model.high)]
     if len(sizes) < count:
-        return None
+        return base
     at = np.array([model.low, *np.quantile(sizes, np.linspace(0, 1, count)[1:-1]), model.high])
     if (np.diff(at) < LEAST_APART_KNOTS * (model.high - model.low)).any():
         at = np.linspace(model.low, model.high, count)
     found = fit_through(base, Knots(tuple(at.tolist())))
     chance = SHARE_CHANCE if count == KNOTS else DEFAULT_CHANCE  # once no cubic does, a few more cost little
-    if not found.cost < base.cost - noise_saves(found, count - first, chance):
-        return None
-    return (fit_through_knots(found, inputs, 2 * count - 1) or found) if count < MOST_KNOTS else found
+    better = found.cost < base.cost - noise_saves(found, count - first, chance)
+    return fit_through_knots(found, inputs, 2 * count - 1) if better else base
 
 
 def input_answers_output(solved: Solved, logs: Sequence[RecordedLog]) -> bool:

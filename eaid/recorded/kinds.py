@@ -334,7 +334,7 @@ def score_kinds(tried: Sequence[Tried]) -> list[Tried]:
     return sorted(rows, key=lambda one: one.score)
 
 
-def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> list[Tried]:
+def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried]) -> list[Tried]:
     """Every kind fitted, beside `rivals`, the best first; the best few with more of a gain.
 
     The best stand fitted to every sample, as rivals do; the others to the rows on which they are looked for.
@@ -344,7 +344,7 @@ def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried] = ()) ->
         if kind.late and search.dead_time_s is not None:
             continue
         begins = find_best_places(search, kind, grid)
-        if kind.late and search.dead_time_s is None:
+        if kind.late:
             begins += [search.behind(one.solved, kind.zero) for one in tried if one.kind == replace(kind, late=False)]
         ends = [fit_kind_from(search, kind, gain, at) for at in begins]
         tried.append(Tried(kind, min(ends, key=lambda one: one.cost)))

@@ -203,7 +203,7 @@ def _fit_curves(points: AveragedRecord, delays: Sequence[float], law: DelayedLaw
     return p, left + points.within
 
 
-def find_by_cost(levels: Sequence[Level], law: DelayedLaw, white: bool = True) -> Begin | None:
+def find_by_cost(levels: Sequence[Level], law: DelayedLaw, white: bool) -> Begin | None:
     """The dead time behind which a law leaves least of the levels' mean curves, or one exponential that leaves no more;
     None where they leave more than `white` noise, if that is asked for: a rise that began before its input has lost its
     begin, and the whole curve tells more whatever its noise is."""

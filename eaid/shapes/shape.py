@@ -111,7 +111,7 @@ def _candidates(
     options: FitOptions,
     wanted: Sequence[str],
     dead: bool,
-    simpler: Sequence[_Candidate] = (),
+    simpler: Sequence[_Candidate],
 ) -> list[_Candidate]:
     """Every shape wanted, fitted from the best places of a grid, and never worse than a `simpler` one it contains."""
     window = float(step.time_s[-1])
