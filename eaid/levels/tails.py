@@ -27,7 +27,7 @@ from eaid.plant.respond import at_rest, left_of_start
 from eaid.results.fit import Fit
 from eaid.results.models import Release
 from eaid.results.plant import with_release
-from eaid.shapes.intervals import mean_before
+from eaid.shapes.each_step import mean_before
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
 OFF_REST = 0.02  # Part of its change by which the output at a step's begin is off the rest its log began with

@@ -21,8 +21,8 @@ from eaid.levels.release import release_of
 from eaid.levels.workflow import usual_idle
 from eaid.options import FitOptions
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import subtract_white_noise
-from eaid.recorded.fit import chosen_of, experiment_of, fit_of
+from eaid.recorded.choice import choose_plant, squares_about_mean, subtract_white_noise
+from eaid.recorded.fit import experiment_of, fit_of
 from eaid.recorded.plant_part import levels_of_plant
 from eaid.results.fit import Fit
 from eaid.results.verdict import judged
@@ -57,8 +57,8 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
     how = replace(options, ci="none" if options.ci == "none" else "robust")
     one = "lag+dead" if fit.dead_time_s > 0 else "lag"
     try:
-        experiment = experiment_of(logs, how, logs, repeats=stepset.levels, falls=False)
-        chosen = chosen_of(experiment)
+        experiment = experiment_of(logs, how, repeats=stepset.levels, falls=False)
+        chosen = choose_plant(experiment)
         for kind in ("", one):  # the one of evidence; then the one that the two lags became
             if kind:
                 of_lag = max((row.fit_pct or 0.0 for row in chosen.kinds if row.kind == one), default=0.0)
@@ -101,25 +101,21 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
 def explained_pct(fit: Fit, logs: Sequence[RecordedLog], own_gains: bool) -> float:
     """What the plant of a fit explains of steps from rest, each about its own mean [%]; with `own_gains` of their
     shapes alone."""
-    left = total = 0.0
-    if (part := fit.plant_) is None:
+    left, total = 0.0, sum(map(squares_about_mean, logs))
+    if (part := fit.plant_) is None or not total > 0:
         return 0.0
-    late_s = fit.noted_late_s
     for log in logs:
         known = np.isfinite(log.output)
-        y, f = log.output[known], from_rest(part.plant, log.time_s[known] + late_s, float(log.input[-1]))
+        y, f = log.output[known], from_rest(part.plant, log.time_s[known] + fit.noted_late_s, float(log.input[-1]))
         r = y - f * (best_gain(f, y) if own_gains else 1.0)
-        left, total = left + log.weight * float(r @ r), total + log.weight * float(((y - y.mean()) ** 2).sum())
-    return 100 * (1 - float(np.sqrt(left / total))) if total > 0 else 0.0
+        left += log.weight * float(r @ r)
+    return 100 * (1 - float(np.sqrt(left / total)))
 
 
 def noise_pct(logs: Sequence[RecordedLog]) -> float:
     """White noise of steps by the differences of neighbours, as a part of what `explained_pct` is of [%]."""
-    noise = total = 0.0
-    for log in logs:
-        y = log.output[np.isfinite(log.output)]
-        noise += log.weight * white_squares(y)
-        total += log.weight * float(((y - y.mean()) ** 2).sum())
+    noise = sum(log.weight * white_squares(log.output[np.isfinite(log.output)]) for log in logs)
+    total = sum(map(squares_about_mean, logs))
     return 100 * float(np.sqrt(noise / total)) if total > 0 else 0.0
 
 

@@ -1,11 +1,10 @@
 """Which plant recorded logs have: the clutch's own form, with its dead time and its falls, or another kind of lag."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.special import chdtri
 
 from eaid.arrays import Array, white_squares
 from eaid.errors import DataError, UsageError
@@ -14,14 +13,12 @@ from eaid.estimate.recorded_log import RecordedLog, add_rest, shift_input, take_
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE, share_is_told
 from eaid.levels.from_steps import ENDLESS_RECORDS
-from eaid.options import FitOptions
 from eaid.plant.drive import delayed
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Knots, PerLevel, Proportional, Sides
 from eaid.recorded.creep import (
     LEAST_GAIN,
     SURE_GAIN,
-    by_noise,
     find_creeps,
     find_far_creeps,
     find_gain_drift,
@@ -48,7 +45,16 @@ from eaid.recorded.from_logs import (
     setup_of,
     start_states,
 )
-from eaid.recorded.inputs import BEYOND_INPUTS, FEW_LEVELS, FOLLOWS_SURELY, MANY_LEVELS, NEXT_TO_REST, Excited, follows
+from eaid.recorded.inputs import (
+    BEYOND_INPUTS,
+    FEW_LEVELS,
+    FOLLOWS_SURELY,
+    MANY_LEVELS,
+    NEXT_TO_REST,
+    Excited,
+    Experiment,
+    follows,
+)
 from eaid.recorded.kinds import (
     LAG_KINDS,
     PRICE,
@@ -57,6 +63,7 @@ from eaid.recorded.kinds import (
     Tried,
     count_independent,
     integrates,
+    noise_saves,
     refit_on_all,
     score_kinds,
     try_every_kind,
@@ -97,6 +104,15 @@ ALL_INPUTS = 11  # Inputs over which a form is laid out
 FARTHEST_PATTERN, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
+# Why a log whose output falls where its input rises, or whose output's rate follows its input, is refused
+WRONG_SIGN = (
+    "its output falls where its input rises, and a controller would be turned round; write the output, or the input, "
+    "with the other sign"
+)
+INTEGRATES_INPUT = (
+    "its output integrates its input (its rate follows the input, and no lag within the log brings it to rest), as a "
+    "position follows a motor's voltage; fit the output's rate, or close a loop and fit that"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +127,11 @@ class Chosen:
     late: tuple[Delay, ...]  # By which the input of each log was noted late
     clutch: Solved | None = None  # The clutch's form, its falls as its rises
     searched: "Searched | None" = None  # Where other kinds were tried, all of them
+
+    @property
+    def tried(self) -> list[Solved]:
+        """The fit, and that of the clutch's form where it is another."""
+        return [one for one in (self.solved, self.clutch) if one is not None]
 
     @property
     def of_clutch(self) -> bool:
@@ -132,76 +153,58 @@ class Chosen:
 class Searched:
     """Every kind that was tried of logs, the one that evidence chooses first."""
 
-    rows: tuple[Tried, ...]
-    search: Search
-    noted: tuple[RecordedLog, ...]  # The logs with their inputs where these were noted
+    experiment: Experiment
     late: tuple[Delay, ...]
-    inputs: Excited
-    clutch: Chosen | None
-    falls: bool  # Whether falls may have numbers of their own
-
-    @property
-    def of_loops(self) -> bool:
-        """Whether some log is a loop's."""
-        return any(log.reference is not None for log in self.search.logs)
+    search: Search  # The logs with their inputs where they acted
+    rows: tuple[Tried, ...]
+    clutch: Chosen | None = None
 
 
-def choose_plant(
-    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
-    of_steps_s: float, falls: bool,
-) -> Chosen:  # fmt: skip
+def choose_plant(experiment: Experiment) -> Chosen:
     """The plant of the logs, without a creep of their outputs where they show one; steps and loops are not asked."""
-    chosen = _choose_plant(logs, others, inputs, options, rests, of_steps_s, falls)
-    if others or not falls or input_answers_output(chosen.solved, chosen.logs):
+    chosen, logs = _choose_plant(experiment), experiment.logs
+    if experiment.others or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
-    gains = find_gain_drift([one for one in (chosen.solved, chosen.clutch) if one is not None])
+    gains = find_gain_drift(chosen.tried)
     creeps = np.zeros(0) if chosen.clutch is None else find_far_creeps(chosen.clutch, chosen.logs, gains)
     if gains is not None and not creeps.any():
-        return _choose_behind_drift(
-            logs, gains, chosen, lambda plain: _choose_plant(plain, others, inputs, options, rests, of_steps_s, falls)
-        )
-    creeps = creeps if creeps.any() else find_creeps(chosen.solved, chosen.clutch, chosen.logs)
+        return _choose_behind_drift(experiment, gains, chosen)
+    creeps = creeps if creeps.any() else find_creeps(chosen.tried, chosen.logs)
     if not creeps.any():
         return chosen
     plain = [take_off_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
-    again = _choose_plant(plain, others, inputs, options, rests, of_steps_s, falls)
+    again = _choose_plant(replace(experiment, logs=plain))
     solved, without = refit_with_creeps(again.solved, again.logs)
-    better = solved.cost < chosen.solved.cost - by_noise(solved, len(logs))
+    better = solved.cost < chosen.solved.cost - noise_saves(solved, 2 * len(logs))
     return replace(again, solved=solved, logs=without) if better and sure(solved, without) else chosen
 
 
-def _choose_behind_drift(
-    logs: Sequence[RecordedLog], gains: Array, chosen: Chosen, choose: Callable[[Sequence[RecordedLog]], Chosen]
-) -> Chosen:
+def _choose_behind_drift(experiment: Experiment, gains: Array, chosen: Chosen) -> Chosen:
     """The plant of logs whose gains grow by such parts, as those amid them make it, which is told."""
     again, total = chosen, gains
     for _ in range(DRIFT_ROUNDS):
         plain = [take_off_drift(log, part, idle_found(again.solved, k) + (log.baseline or 0.0))
-                 for k, (log, part) in enumerate(zip(logs, total.tolist(), strict=True))]  # fmt: skip
-        again = choose(plain)
-        more = find_gain_drift([one for one in (again.solved, again.clutch) if one is not None], SURE_GAIN)
+                 for k, (log, part) in enumerate(zip(experiment.logs, total.tolist(), strict=True))]  # fmt: skip
+        again = _choose_plant(replace(experiment, logs=plain))
+        more = find_gain_drift(again.tried, SURE_GAIN)
         if more is None:
             break
         total = total + more
-    rows = zip(logs, (100 * total).tolist(), strict=True)
+    rows = zip(experiment.logs, (100 * total).tolist(), strict=True)
     told = [finding("gain-drifts", log.name, pct=pct) for log, pct in rows if abs(pct) > 100 * LEAST_GAIN]
     return replace(again, findings=[*again.findings, *told])
 
 
-def _choose_plant(
-    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
-    of_steps_s: float, falls: bool,
-) -> Chosen:  # fmt: skip
+def _choose_plant(experiment: Experiment) -> Chosen:
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
     as much with less, or more. Logs with steps beside them keep the clutch's."""
-    signed = any(float(log.input.min()) < 0 for log in logs)
-    clutch = None
-    if not signed:
-        clutch = _fit_clutch(logs, others, inputs, options, rests, of_steps_s, falls)
+    logs, options = experiment.logs, experiment.options
+    clutch = None if experiment.signed else _fit_clutch(experiment)
     inside, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
     near = BEYOND_INPUTS * float(inside.max())
     beyond = asked is not None and not inside.min() - near <= asked[0] < asked[1] <= inside.max() + near
-    alone = not others and options.share == SHARE and not beyond  # another kind says nothing of inputs never seen
+    # another kind says nothing of inputs never seen
+    alone = not experiment.others and options.share == SHARE and not beyond
     # where no input ever changes, gain and idle output cannot be told apart
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
     if clutch is not None and (still or not alone or options.through):
@@ -211,31 +214,30 @@ def _choose_plant(
     if clutch is not None and (over := fit_overshoot(clutch.solved)) is not None:
         rivals.append(Tried(LagKind("zero", "pair", zero=True), over))
     late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
-    search, rows, late = _try_kinds_behind(logs, late, inputs, options, rivals)
-    if clutch is not None and falls:
-        rows = refit_with_own_falls(search, rows, clutch, inputs)
-    ended = rows[0]
-    searched = Searched(tuple(rows), search, tuple(logs), late, inputs, clutch, falls)
+    searched = _try_kinds_behind(experiment, late, rivals)
     if clutch is not None:
-        rows = rank_beside_clutch(rows, search.logs, inputs, options.duty is None, searched.of_loops)
-    if rows[0] is not ended:  # the others stand as they were looked at
-        rows[0] = refit_on_all(search, rows[0], last=True)
-    return choose_kind(replace(searched, rows=tuple(rows)))
+        searched = replace(searched, clutch=clutch)
+        ended = refit_with_own_falls(searched, clutch) if experiment.falls else searched.rows
+        rows = rank_beside_clutch(replace(searched, rows=tuple(ended)))
+        if rows[0] is not ended[0]:  # the others stand as they were looked at
+            rows[0] = refit_on_all(searched.search, rows[0], last=True)
+        searched = replace(searched, rows=tuple(rows))
+    return choose_kind(searched)
 
 
 def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     """The plant of the kind that evidence chooses, or of the best row of the one that is `wanted`."""
-    rows, logs, clutch, inputs = list(searched.rows), searched.search.logs, searched.clutch, searched.inputs
+    rows, logs, clutch, inputs = list(searched.rows), searched.search.logs, searched.clutch, searched.experiment.inputs
     if all(follows(log) > FOLLOWS_SURELY for log in logs):  # of one tone, a long dead time makes a gain below 0
         rows = [one for one in rows if not falls_with_input(one, inputs)] or rows
     if wanted:
         rows = sorted(rows, key=lambda one: one.kind.name != wanted)
     if rows[0] is not searched.rows[0]:
         rows[0] = refit_on_all(searched.search, rows[0], last=True)
-    best, total, of_loops = rows[0], sum(squares_about_mean(log) for log in logs), searched.of_loops
+    best, total, of_loops = rows[0], sum(map(squares_about_mean, logs)), searched.experiment.of_loops
     explains = best.cost <= (1 - LITTLE_BY_KIND_PCT / 100) ** 2 * total  # noise alone wanders, too
     if explains and not of_loops and integrates(searched.search, best):
-        raise DataError(*(integrator_message(log) for log in logs))
+        raise DataError(*(f"{log.source or log.name}: {INTEGRATES_INPUT}" for log in logs))
     spread_of_all = squares_about_mean(*logs)  # as every other fit counts
     kinds = tuple(kind_row(one, spread_of_all, best.score) for one in rows)
     signed = searched.search.signed
@@ -245,20 +247,19 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
         and (kinds[0].fit_pct or 0.0) > LITTLE_BY_KIND_PCT
         and not drift_findings(best.solved, logs)
     ):
-        raise DataError(*(wrong_sign_message(log) for log in logs))
+        raise DataError(*(f"{log.source or log.name}: {WRONG_SIGN}" for log in logs))
     if clutch is not None and best.kind.name == "clutch":
         return replace(clutch, kinds=kinds, searched=searched)
     best = separate_lags(best)
-    kinds = (kind_row(best, spread_of_all, best.score), *kinds[1:])
-    of_lags = searched.falls and explains and not (signed or input_answers_output(best.solved, logs))
+    of_lags = searched.experiment.falls and explains and not (signed or input_answers_output(best.solved, logs))
     of_falls, found = tuple[FallTest, ...](), tuple[Finding, ...]()
     if of_lags and (pair := refit_as_two_lags(best.solved)) is not None:
         solved, of_falls, found = test_falls(pair, inputs, free=True)
         if solved is not pair:  # the kind that is taken, with its falls
             best = replace(best, solved=solved)
-            kinds = (kind_row(best, spread_of_all, best.score), *kinds[1:])
+    kinds = (kind_row(best, spread_of_all, best.score), *kinds[1:])
     told = _kind_findings(best, kinds, logs)
-    told += [more for one, log in zip(searched.late, searched.noted, strict=True) for more in one.told(log)]
+    told += [more for one, log in zip(searched.late, logs, strict=True) for more in one.told(log)]
     of_clutch = None if clutch is None else clutch.clutch
     logs = logs if clutch is None or best.kind in LAG_KINDS else clutch.logs
     return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], searched.late, of_clutch, searched)
@@ -269,16 +270,15 @@ def falls_with_input(one: Tried, inputs: Excited) -> bool:
     return bool((plant_found(one.solved).curve(inputs.shown) < 0).all())
 
 
-def rank_beside_clutch(
-    rows: Sequence[Tried], logs: Sequence[RecordedLog], inputs: Excited, all_inputs: bool, of_loops: bool
-) -> list[Tried]:
+def rank_beside_clutch(searched: Searched) -> list[Tried]:
     """The kinds, the one to be taken first: the clutch's form stands where it explains as much, and gives way where the
     logs leave its T_s open, or far beyond what they have reached."""
+    rows, inputs = searched.rows, searched.experiment.inputs
     own = next(one for one in rows if one.kind.name == "clutch")
     first = rows[0]
-    if own is first and all_inputs:
+    if own is first and searched.experiment.options.duty is None:
         simple = next(one for one in rows if one is not own)
-        explains = simple.cost <= LEFT_BY_KIND * sum(squares_about_mean(log) for log in logs)
+        explains = simple.cost <= LEFT_BY_KIND * sum(map(squares_about_mean, searched.search.logs))
         well = simple.cost <= AS_WELL * own.cost
         if (explains and lies_beyond_outputs(own.solved, inputs)) or (well and leaves_Ts_open(own.solved, inputs)):
             first = simple
@@ -287,12 +287,15 @@ def rank_beside_clutch(
         more = own.solved.setup.size - first.solved.setup.size
         parallel = plant_found(first.solved).kind == "parallel"
         same_form = parallel and own.cost <= first.cost + AS_MUCH * PRICE * noise  # with another C
-        by_noise = float(chdtri(more, DEFAULT_CHANCE)) * noise if more > 0 else 0.0
+        by_noise = noise_saves(first.solved, more, DEFAULT_CHANCE) if more > 0 else 0.0
         better = own.cost < first.cost - max(DEFAULT_SAVES * first.cost, by_noise)
         if (same_form or better) and not leaves_Ts_open(own.solved, inputs):
             first = own
-    if of_loops and not explains_far_better(first, own):  # noise that goes round a loop bends what has no instruments
-        first = own
+    # noise that goes round a loop bends what has no instruments
+    if searched.experiment.of_loops:
+        white = sum(map(white_squares, first.solved.missed))
+        left, of_clutch = subtract_white_noise((first.cost, own.cost), white)
+        first = first if left <= LOOPS_BETTER * of_clutch else own
     return [first, *(one for one in rows if one is not first)]
 
 
@@ -306,7 +309,7 @@ def lay_over_all(clutch: Solved, inputs: Excited) -> Solved:
     wide = forms.nonlinear(np.linspace(least, most, ALL_INPUTS), model.share)
     start = np.append(wide.unknowns(plant_found(clutch)), clutch.x[model.size :])
     found = fit_near(replace(clutch.fitted, model=wide), start)
-    by_noise = float(chdtri(len(forms.PAPER_DEGREES), SHARE_CHANCE)) * found.cost / count_independent(found)
+    by_noise = noise_saves(found, len(forms.PAPER_DEGREES))
     return found if found.cost < clutch.cost - by_noise else clutch
 
 
@@ -330,8 +333,7 @@ def separate_lags(best: Tried) -> Tried:
     than noise does."""
     if not (best.kind.zero and best.paced) or (pair := refit_as_two_lags(best.solved)) is None:
         return best
-    more = pair.fitted.size - best.solved.fitted.size
-    by_noise = float(chdtri(more, SHARE_CHANCE)) * pair.cost / count_independent(pair)
+    by_noise = noise_saves(pair, pair.fitted.size - best.solved.fitted.size)
     apart = pair.cost < best.cost - max(DEFAULT_SAVES * best.cost, by_noise)
     return replace(best, solved=pair, within=0.0) if apart else best
 
@@ -352,46 +354,46 @@ def refit_as_two_lags(solved: Solved) -> Solved | None:
     return fit_near(pair, np.concatenate(begin))
 
 
-def refit_with_own_falls(search: Search, rows: Sequence[Tried], clutch: Chosen, inputs: Excited) -> list[Tried]:
+def refit_with_own_falls(searched: Searched, clutch: Chosen) -> Sequence[Tried]:
     """Kinds with one lag having falls of its own where the clutch has, or leaves its τ2 to them: the best and the
     simplest of it, for curves imitate falls."""
+    rows = searched.rows
     names, lags = clutch.fell, [one for one in rows if one.kind.law == "lag"]
     near = rows[0].kind.name == "clutch" and lags[0].cost <= AS_WELL * rows[0].cost
     if not names and near and not input_answers_output(clutch.solved, clutch.logs):
-        base = clutch.solved.setup
-        names = list_tests(base.drives, base.model.low, inputs.stepwise, free=True)
+        names = list_tests(clutch.solved.setup, searched.experiment.inputs.stepwise, free=True)
     if not names:
-        return list(rows)
+        return rows
     both = list(dict.fromkeys((lags[0], min(lags, key=lambda one: one.solved.setup.size))))
-    ended = [refit_on_all(search, one, last=True) for one in both]
+    ended = [refit_on_all(searched.search, one, last=True) for one in both]
     fallen = [replace(one, solved=fit_with_falls(one.solved, names)) for one in ended]
     return score_kinds([*fallen, *(one for one in rows if one not in both)])
 
 
 def _try_kinds_behind(
-    logs: Sequence[RecordedLog], late: tuple[Delay, ...], inputs: Excited, options: FitOptions, rivals: Sequence[Tried],
-    passes: int = 4,
-) -> tuple[Search, list[Tried], tuple[Delay, ...]]:  # fmt: skip
+    experiment: Experiment, late: tuple[Delay, ...], rivals: Sequence[Tried], passes: int = 4
+) -> Searched:
     """Every kind fitted to the logs with their inputs where they acted, the best first; and how late these were noted
     by the best kind, which may move them again."""
-    acting = [shift_input(log, one.rows) for log, one in zip(logs, late, strict=True)]
+    logs, inputs, given_s = experiment.logs, experiment.inputs, experiment.options.held_dead_time_s
+    acting = (shift_input(log, one.rows) for log, one in zip(logs, late, strict=True))
+    begun = tuple(mark_resting_start(log, inputs) for log in acting)
     as_left = any(one.solved.fitted.falls_as_left for one in rivals)
-    search = Search(
-        tuple(mark_resting_starts(acting, inputs)), inputs.low, inputs.high, options.held_dead_time_s, as_left
-    )
+    search = Search(begun, inputs.low, inputs.high, given_s, as_left)
     rows = try_every_kind(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
-        shown = [drop_outputs_before(log, rows[0].solved.fitted.dead_time(rows[0].solved.x)) for log in logs]
+        shown = [drop_outputs_before(log, rows[0].solved.dead_time_s) for log in logs]
         if any(one is not log for one, log in zip(shown, logs, strict=True)):
-            return _try_kinds_behind(shown, late, inputs, options, rivals, passes - 1)
-    found = _find_delays(rows[0].solved, search.logs, late, options)
+            return _try_kinds_behind(replace(experiment, logs=shown), late, rivals, passes - 1)
+    found = _find_delays(rows[0].solved, search, late)
     most = rows[0].cost * (1 + PRICE / count_independent(rows[0].solved))  # that one unknown less leaves by noise
-    without_lead = _replace_lead(search, rows, late, options, most)
+    without_lead = _replace_lead(search, rows, late, most)
     found = without_lead or found
+    here = Searched(experiment, late, search, tuple(rows))
     if [one.rows for one in found] == [one.rows for one in late]:
-        return search, rows, found
-    moved = _try_kinds_behind(logs, found, inputs, options, rivals, passes - 1) if passes > 1 else (search, rows, late)
-    return (search, rows, late) if without_lead and moved[1][0].cost > most else moved
+        return replace(here, late=found)
+    moved = _try_kinds_behind(experiment, found, rivals, passes - 1) if passes > 1 else here
+    return here if without_lead and moved.rows[0].cost > most else moved
 
 
 def drop_outputs_before(log: RecordedLog, dead_s: float) -> RecordedLog:
@@ -402,31 +404,26 @@ def drop_outputs_before(log: RecordedLog, dead_s: float) -> RecordedLog:
     return replace(log, output=np.where(before, np.nan, log.output))
 
 
-def _replace_lead(
-    search: Search, rows: Sequence[Tried], late: tuple[Delay, ...], options: FitOptions, most: float
-) -> tuple[Delay, ...]:
+def _replace_lead(search: Search, rows: Sequence[Tried], late: tuple[Delay, ...], most: float) -> tuple[Delay, ...]:
     """By how much inputs were noted late where the best kind has a zero, as that makes one, and the same lags without
     it leave no more than `most` squares behind their delay; empty where they do not."""
     plain = next((one for one in rows if one.kind.law == "swing" and not (one.kind.zero or one.kind.late)), None)
     if not rows[0].kind.zero or rows[0].kind.late or plain is None:
         return ()
-    found = _find_delays(plain.solved, search.logs, late, options)
+    found = _find_delays(plain.solved, search, late)
     more = [new.rows - old.rows for new, old in zip(found, late, strict=True)]
     return found if any(more) and cost_with_moved_inputs(plain.solved, search.logs, more) <= most else ()
 
 
-def _find_delays(
-    solved: Solved, acting: Sequence[RecordedLog], late: tuple[Delay, ...], options: FitOptions
-) -> tuple[Delay, ...]:
+def _find_delays(solved: Solved, search: Search, late: tuple[Delay, ...]) -> tuple[Delay, ...]:
     """By how much inputs were noted late, by a kind fitted with them `late`; what moved them too far is its dead
     time."""
-    if options.held_dead_time_s is not None:
+    if search.dead_time_s is not None:
         return late
     # a rival was fitted to the logs before their starts were judged
-    acting = [
-        replace(log, idle_start=drive.starts_idle) for log, drive in zip(acting, solved.fitted.drives, strict=False)
-    ]
-    if (theta_s := solved.fitted.dead_time(solved.x)) > 0:
+    fitted = zip(search.logs, solved.fitted.drives, strict=False)
+    acting = [replace(log, idle_start=drive.starts_idle) for log, drive in fitted]
+    if (theta_s := solved.dead_time_s) > 0:
         back = [int(theta_s / log.usual_s + WHOLE_ROW) for log in acting]
         moved = [one.later(-by) for one, by in zip(late, back, strict=True)]
     else:
@@ -436,29 +433,18 @@ def _find_delays(
     return tuple(one if one.rows > 0 else ON_TIME for one in moved)
 
 
-def explains_far_better(one: Tried, own: Tried) -> bool:
-    """Whether a kind leaves far less of a loop's log than the clutch."""
-    left, of_clutch = subtract_white_noise((one.cost, own.cost), sum(map(white_squares, one.solved.missed)))
-    return left <= LOOPS_BETTER * of_clutch
-
-
 def subtract_white_noise(squares: tuple[float, float], white: float) -> tuple[float, float]:
     """What two fits leave, without the white noise that hides how they differ where it is most of the first's."""
     noise = white if white >= MOSTLY * squares[0] else 0.0
     return max(squares[0] - noise, 0.0), max(squares[1] - noise, 0.0)
 
 
-def mark_resting_starts(logs: Sequence[RecordedLog], inputs: Excited) -> list[RecordedLog]:
-    """The logs, those that begin with some rows at rest known to be at rest where the output does not deny it."""
-    found = []
-    for log in logs:
-        begins = log.idle_start is None and not log.starts_idle and log.input[0] == 0 and bool(log.input.any())
-        if begins:
-            resting = replace(log, idle_start=True)
-            costs = [quick_cost(Search((one,), inputs.low, inputs.high)) for one in (resting, log)]
-            log = resting if costs[0] <= REST_BELIEVED * costs[1] else log
-        found.append(log)
-    return found
+def mark_resting_start(log: RecordedLog, inputs: Excited) -> RecordedLog:
+    """A log that begins with some rows at rest known to be at rest where the output does not deny it."""
+    if log.idle_start is not None or log.starts_idle or log.input[0] != 0 or not log.input.any():
+        return log
+    resting = replace(log, idle_start=True)
+    return resting if quick_cost(resting, inputs) <= REST_BELIEVED * quick_cost(log, inputs) else log
 
 
 def add_rest_before(log: RecordedLog, inputs: Excited) -> RecordedLog:
@@ -466,12 +452,12 @@ def add_rest_before(log: RecordedLog, inputs: Excited) -> RecordedLog:
     if log.idle_start is not None or log.input[0] == 0 or np.ptp(log.input) == 0 or log.reference is not None:
         return log
     resting = add_rest(log)
-    costs = [quick_cost(Search((one,), inputs.low, inputs.high)) for one in (resting, log)]
-    return resting if costs[0] < (1 - LOWER) * costs[1] else log
+    return resting if quick_cost(resting, inputs) < (1 - LOWER) * quick_cost(log, inputs) else log
 
 
-def quick_cost(search: Search) -> float:
-    """Squares that the best lag near a few with dead times leaves."""
+def quick_cost(log: RecordedLog, inputs: Excited) -> float:
+    """Squares that the best lag near a few with dead times leaves of a log."""
+    search = Search((log,), inputs.low, inputs.high)
     shapes = [(tau, np.inf) for tau in np.geomspace(search.shortest_s, search.longest_s, 12).tolist()]
     rows = list[tuple[float, float, float]]()
     for theta in (0.0, *np.geomspace(0.5 * search.shortest_s, 0.2 * search.longest_s, 8).tolist()):
@@ -502,29 +488,30 @@ def leaves_Ts_open(solved: Solved, inputs: Excited) -> bool:
     return bool(np.mean(known.half_width[0] > OPEN_TS) >= 0.5)
 
 
-def _fit_clutch(
-    logs: Sequence[RecordedLog], others: Sequence[RecordedLog], inputs: Excited, options: FitOptions, rests: bool,
-    of_steps_s: float, falls: bool,
-) -> Chosen:  # fmt: skip
+def _fit_clutch(experiment: Experiment) -> Chosen:
     """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
-    base = fit_setup(setup_of(forms.nonlinear(inputs.basis, options.held_share), [*logs, *others], rests))
+    logs, inputs, options, falls = experiment.logs, experiment.inputs, experiment.options, experiment.falls
+    model = forms.nonlinear(inputs.basis, options.held_share)
+    base = fit_setup(setup_of(model, [*logs, *experiment.others], experiment.rests))
     base = fit_falls_as_left(base) if falls else base
-    given_s, ask_share = options.held_dead_time_s, options.share == SHARE and not others
-    behind = fit_behind_dead_time(base, logs, others, given_s, of_steps_s)
-    if ask_share and behind.moved and (free_first := refit_with_share_free(base)) is not None:  # a wrong C moves inputs
-        other = fit_behind_dead_time(free_first[0], logs, others, given_s, of_steps_s)
-        held = refit_with_share_free(behind.solved) or (behind.solved, 0.0)
-        behind = other if other.solved.cost < held[0].cost else behind
-    base, findings = behind.solved, []
+    ask_share = options.share == SHARE and not experiment.others
+    behind, acting, late = fit_behind_dead_time(base, experiment)
+    moved = behind.fitted.dead_time_of_plant(behind.x) > 0 or any(one.rows for one in late)
+    if ask_share and moved and (free_first := refit_with_share_free(base)) is not None:  # a wrong C moves inputs
+        other = fit_behind_dead_time(free_first[0], experiment)
+        held = refit_with_share_free(behind) or (behind, 0.0)
+        if other[0].cost < held[0].cost:
+            behind, acting, late = other
+    base, findings = behind, []
     if (theta_s := base.fitted.dead_time_of_plant(base.x)) and falls and not base.fitted.falls_as_left:  # which hid it
         base = fit_falls_as_left(base)
         theta_s = base.fitted.dead_time_of_plant(base.x)
-    for log, one in zip(logs, behind.late, strict=True):
+    for log, one in zip(logs, late, strict=True):
         if one.rows > 0:
             findings += one.told(log)
         elif theta_s > 0:
             findings.append(finding("dead-time", log.name, dead_time_s=theta_s))
-    free = not input_answers_output(base, behind.logs)
+    free = not input_answers_output(base, acting)
     if free and ask_share and (found := refit_with_share_free(base)) is not None:
         base, ends = found
         low, high = (base.x[base.setup.model.size - 1] + np.array([-ends, ends])).tolist()
@@ -532,49 +519,41 @@ def _fit_clutch(
     if options.duty is None:
         base = lay_over_all(base, inputs)
     if options.through:
-        base = refit_through_levels(base, inputs)
-    ask_knots = options.curve == "auto" and not options.through
-    if ask_knots:
-        base = fit_through_knots(base, inputs) or base
+        if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
+            raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
+        base = fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
+    if options.curve == "auto":
+        base = fit_through_knots(base, inputs)
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
         base, of_falls, more = test_falls(plain, inputs, free)
-        asked_again = fit_through_knots(base, inputs) if ask_knots and base is not plain else None
-        if asked_again is not None and isinstance(knots := asked_again.setup.model.Ts, Knots):  # which falls had hid
+        again = fit_through_knots(base, inputs) if options.curve == "auto" and base is not plain else base
+        if again is not base and isinstance(knots := again.setup.model.Ts, Knots):  # which falls had hid
             plain = fit_through(plain, knots)
             base, of_falls, more = test_falls(plain, inputs, free)
         findings += more
     if isinstance(curve := base.setup.model.Ts, Knots):
         findings.append(finding("torque-curve-by-evidence", "nonlinear", values=curve.size))
-    return Chosen(base, behind.logs, of_falls, (), findings, behind.late, plain)
+    return Chosen(base, acting, of_falls, (), findings, late, plain)
 
 
-def refit_through_levels(base: Solved, inputs: Excited) -> Solved:
-    """A fit with T_s(u) through the values of the levels that its logs hold."""
-    if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
-        raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
-    return fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
-
-
-def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solved | None:
+def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solved:
     """A fit with T_s(u) through values at `count` inputs, or more, where logs ask for more than a cubic, be it for
-    falls or a hysteresis that they do not have; None where they do not, or hold few levels, or have such a T_s(u)."""
+    falls or a hysteresis that they do not have; itself where they do not, or hold few levels, or have such a T_s(u)."""
     model, first = base.setup.model, base.setup.model.slices[0].stop
-    if count <= first or (inputs.stepwise and len(inputs.levels) <= FEW_LEVELS):
-        return None
-    sizes = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.fitted.every.drives]))
+    if not first < count <= MOST_KNOTS or (inputs.stepwise and len(inputs.levels) <= FEW_LEVELS):
+        return base
+    sizes = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.setup.drives]))
     sizes = sizes[(sizes > 0) & (sizes >= model.low) & (sizes <= model.high)]
     if len(sizes) < count:
-        return None
+        return base
     at = np.array([model.low, *np.quantile(sizes, np.linspace(0, 1, count)[1:-1]), model.high])
     if (np.diff(at) < LEAST_APART_KNOTS * (model.high - model.low)).any():
         at = np.linspace(model.low, model.high, count)
     found = fit_through(base, Knots(tuple(at.tolist())))
     chance = SHARE_CHANCE if count == KNOTS else DEFAULT_CHANCE  # once no cubic does, a few more cost little
-    by_noise = float(chdtri(count - first, chance)) * found.cost / count_independent(found)
-    if not found.cost < base.cost - by_noise:
-        return None
-    return (fit_through_knots(found, inputs, 2 * count - 1) or found) if count < MOST_KNOTS else found
+    better = found.cost < base.cost - noise_saves(found, count - first, chance)
+    return fit_through_knots(found, inputs, 2 * count - 1) if better else base
 
 
 def input_answers_output(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
@@ -585,16 +564,21 @@ def input_answers_output(solved: Solved, logs: Sequence[RecordedLog]) -> bool:
 def refit_with_share_free(held: Solved) -> tuple[Solved, float] | None:
     """A fit with C free, be it so already, and its half-width, where logs reject the one that was held and tell
     another."""
-    setup, free, at = held.fitted, held, held.fitted.model.size - 1
-    if setup.model.share is not None:
-        at = setup.model.size
-        free = fit_near(replace(setup, model=replace(setup.model, share=None)), np.insert(held.x, at, SHARE))
-        by_noise = float(chdtri(1, SHARE_CHANCE)) * held.cost / count_independent(held)
-        if free.cost > held.cost - by_noise or not 0 < free.x[at] < 1:
-            return None
+    free = held
+    if held.fitted.model.share is not None:
+        free = free_share(held, held.fitted.model.share)
+    at = free.fitted.model.size - 1
+    if free is not held and (free.cost > held.cost - noise_saves(held, 1) or not 0 < free.x[at] < 1):
+        return None
     half = spread(free).of(np.eye(len(free.x))[at])
     sure = abs(free.x[at] - SHARE) > half and share_is_told(free.x[at] - half, free.x[at] + half)
     return (free, half) if sure else None
+
+
+def free_share(held: Solved, share: float) -> Solved:
+    """The fit with C as an unknown, from where it was held at."""
+    model = held.fitted.model
+    return fit_near(replace(held.fitted, model=replace(model, share=None)), np.insert(held.x, model.size, share))
 
 
 def fit_overshoot(clutch: Solved) -> Solved | None:
@@ -602,7 +586,7 @@ def fit_overshoot(clutch: Solved) -> Solved | None:
     setup, model, (gain, one, two) = clutch.fitted, clutch.fitted.model, clutch.fitted.model.slices
     if model.share is None or model.tau2 is None:
         return None
-    free = fit_near(replace(setup, model=replace(model, share=None)), np.insert(clutch.x, model.size, model.share))
+    free = free_share(clutch, model.share)
     endless = float(clutch.curves(model.limited).tau2.max()) > ENDLESS_RECORDS * setup.longest_s
     if free.x[model.size] < AT_ONE and not endless:
         return None
@@ -636,24 +620,7 @@ def kind_row(one: Tried, total: float, least: float) -> KindTried:
     return KindTried(one.name, gain, lags, one.solved.setup.size, fit_pct, score)
 
 
-def wrong_sign_message(log: RecordedLog) -> str:
-    """Why a log whose output falls where its input rises is refused."""
-    return (
-        f"{log.source or log.name}: its output falls where its input rises, and a controller would be turned round; "
-        "write the output, or the input, with the other sign"
-    )
-
-
-def integrator_message(log: RecordedLog) -> str:
-    """Why a log whose output's rate follows its input is refused."""
-    return (
-        f"{log.source or log.name}: its output integrates its input (its rate follows the input, and no lag within the "
-        "log brings it to rest), as a position follows a motor's voltage; fit the output's rate, or close a loop and "
-        "fit that"
-    )
-
-
-def set_up_above_idle(base: Solved, logs: Sequence[RecordedLog], theta_s: float) -> Setup:
+def set_up_above_idle(base: Solved, logs: Sequence[RecordedLog]) -> Setup:
     """The logs with the idle output that the plant has, for the linear model: it begins where the plant does."""
     known = [replace(log, baseline=idle_found(base, k) + (log.baseline or 0.0)) for k, log in enumerate(logs)]
-    return setup_of(base.fitted.model, known, True, theta_s)
+    return setup_of(base.fitted.model, known, True, base.dead_time_s)

@@ -9,7 +9,7 @@ wind up.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import null_space
@@ -21,8 +21,7 @@ from eaid.findings import Finding, finding
 from eaid.options import RigExtras
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
-from eaid.recorded.few_rows import Copies
-from eaid.recorded.from_logs import Solved, idle_found, plant_found
+from eaid.recorded.from_logs import Solved, idle_found, plant_found, with_dead_time
 from eaid.recorded.late import follows_output
 from eaid.recorded.log_intervals import spread
 from eaid.replay.controllers import feedback
@@ -33,16 +32,8 @@ LAW_PCT = 80.0  # A law that explains less of the duty's changes is none
 LEAST_LAW_ROWS = 50  # Rows off the limits that a law is told by
 
 
-@dataclass(frozen=True, eq=False)
-class LawFound:
-    """A PI that explains a recorded duty."""
-
-    gains: PIGains
-    fit_pct: float
-
-
-def law_behind(log: RecordedLog) -> LawFound | None:
-    """The PI law behind a log with a reference; None where none explains its duty."""
+def law_behind(log: RecordedLog) -> tuple[PIGains, float] | None:
+    """The PI law behind a log with a reference, and what it explains of its duty [%]; None where that is little."""
     if log.reference is None:
         return None
     u, e = log.input, log.reference - log.output
@@ -58,16 +49,16 @@ def law_behind(log: RecordedLog) -> LawFound | None:
     fit_pct = 100 * (1 - float(np.linalg.norm(wanted - design @ gains)) / size) if size > 0 else 0.0
     if not (fit_pct >= LAW_PCT and K_P > 0 and K_I > 0):
         return None
-    return LawFound(PIGains(float(K_P), float(K_I), 0.0, float(u.max())), fit_pct)
+    return PIGains(float(K_P), float(K_I), 0.0, float(u.max())), fit_pct
 
 
-def simulate_loop(solved: Solved, index: int, log: RecordedLog, law: LawFound) -> RecordedLog:
+def simulate_loop(solved: Solved, index: int, log: RecordedLog, law: PIGains) -> RecordedLog:
     """The log that the loop of a law gives on the fitted model, without noise."""
     assert log.reference is not None
     dt_s = float(log.time_s[-1] - log.time_s[0]) / (len(log.input) - 1)
     idle, before = idle_found(solved, index) + (log.baseline or 0.0), np.zeros(int(np.argmax(log.input > 0)))
     wanted = log.reference[len(before) :] - idle  # the law acts on its distance from what is read
-    loop = replay(plant_numbers(plant_found(solved)), feedback(law.gains), wanted, RigExtras(), dt_s)
+    loop = replay(plant_numbers(plant_found(solved)), feedback(law), wanted, RigExtras(), dt_s)
     duty, torque = (np.append(before, loop[name]) for name in ("duty_pct", "torque_nm"))
     return replace(log, input=duty, output=torque + idle, idle_start=log.starts_idle)
 
@@ -86,7 +77,7 @@ def judge_loops(base: Solved, logs: Sequence[RecordedLog]) -> tuple[tuple[Loop, 
         known = "loop-instrument" if by_instrument else "loop-direct"
         findings.append(finding(known if law else "loop-bias-unknown", log.name))
         off = None if log.reference is None else (log.reference - log.output)[int(np.argmax(log.input > 0)) :]
-        found = {} if law is None else {"K_P": law.gains.K_P, "K_I": law.gains.K_I, "law_fit_pct": law.fit_pct}
+        found = {} if law is None else {"K_P": law[0].K_P, "K_I": law[0].K_I, "law_fit_pct": law[1]}
         loops.append(
             Loop(
                 log.name,
@@ -109,26 +100,26 @@ SHOWN = 1.5  # Half-widths of its interval that a dead time has to be long
 def refit_by_instruments(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
     """The fit by instruments, begun at the direct one, behind a dead time where they show one; the direct one where no
     law is known or it does not settle."""
-    laws = [law_behind(log) for log in logs]
+    laws = [law and law[0] for law in map(law_behind, logs)]
     found = _by_instruments(base, logs, laws) if any(laws) else None
     if found is None or base.fitted.dead_time_s or "dead" in base.fitted.extras:
         return found or base
     at, dt_s = base.fitted.shared, median([log.usual_s for log in logs])
-    with_dead = replace(base.fitted, extras=(*base.fitted.extras, "dead"))
-    late = _by_instruments(replace(found, fitted=with_dead, x=np.insert(found.x, at, dt_s)), logs, laws)
+    setup, x = with_dead_time(base.fitted, found.x, dt_s)
+    late = _by_instruments(replace(found, fitted=setup, x=x), logs, laws)
     if late is None or late.x[at] < SHOWN * spread(late).of(np.eye(len(late.x))[at]):
         return found
     return late
 
 
-def _by_instruments(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[LawFound | None]) -> Solved | None:
+def _by_instruments(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[PIGains | None]) -> Solved | None:
     """The fit by instruments, begun at another; None where it does not settle within the constraints."""
     x, drives = base.x.copy(), list(base.setup.drives)
     for _ in range(INSTRUMENTS_TRIED):  # any duty without noise serves; the second is that of a better model
         now = replace(base, x=x)
         for k, (log, law) in enumerate(zip(logs, laws, strict=True)):
             if law is not None:
-                drives[k] = Copies(simulate_loop(now, k, log, law)).every
+                drives[k] = simulate_loop(now, k, log, law).drive
         settled = _solve_instruments(base, x, tuple(drives))
         if settled is None:
             return None

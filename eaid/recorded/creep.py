@@ -21,7 +21,7 @@ from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE
 from eaid.plant.sums import lagged
 from eaid.recorded.from_logs import Solved, fit_near, fit_setup, idle_found, setup_of
-from eaid.recorded.kinds import count_independent
+from eaid.recorded.kinds import noise_saves
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, effective_samples, gains_of_engagements, spread
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
@@ -44,14 +44,14 @@ def creeps_of(solved: Solved) -> Array:
     return np.array([solved.x[place.own[3:]] for place in solved.fitted.places])
 
 
-def find_creeps(chosen: Solved, clutch: Solved | None, logs: Sequence[RecordedLog]) -> Array:
-    """Creeps that the logs show beside the plant that was chosen, or the clutch, (L, 2); zeros where noise explains
-    them, or they are no creep: little, much, or there and back."""
-    left, nothing = chosen.fitted.problem().value(chosen.x)[0], np.zeros((len(logs), 2))
-    tried = [add_creeps(one, logs) for one in (chosen, clutch) if one is not None]
-    ends = [replace(one, x=end.x, cost=end.cost) for one in tried for end in [approach(one.fitted.problem(), one.x)]]
+def find_creeps(tried: Sequence[Solved], logs: Sequence[RecordedLog]) -> Array:
+    """Creeps that the logs show beside the plant that was chosen, the first, or the clutch, (L, 2); zeros where noise
+    explains them, or they are no creep: little, much, or there and back."""
+    left, nothing = tried[0].fitted.problem().value(tried[0].x)[0], np.zeros((len(logs), 2))
+    begun = [add_creeps(one, logs) for one in tried]
+    ends = [replace(one, x=end.x, cost=end.cost) for one in begun for end in [approach(one.fitted.problem(), one.x)]]
     free = min(ends, key=lambda one: one.cost)
-    if left - free.cost <= max(by_noise(free, len(logs)), free.fitted.problem().floor):
+    if left - free.cost <= max(noise_saves(free, 2 * len(logs)), free.fitted.problem().floor):
         return nothing
     creeps = creeps_of(free)
     parts = [np.abs(one) / np.ptp(log.output[np.isfinite(log.output)]) for one, log in zip(creeps, logs, strict=True)]
@@ -122,9 +122,8 @@ def _scatter_explains(solved: Solved) -> bool:
 
 def _fit_drift(solved: Solved) -> tuple[float, Array, bool]:
     """What a fit leaves with gains that drift, these, and whether they explain more than noise and creeps do."""
-    setup, gains, saved, left, independent = replace(solved.fitted, creeping=0), [], np.zeros(2), 0.0, 0.0
-    own = np.concatenate([place.own[3:] for place in solved.fitted.places])
-    x = np.delete(solved.x, own[own >= 0])
+    plain, gains, saved, left, independent = hold_creeps(solved), list[float](), np.zeros(2), 0.0, 0.0
+    setup, x = plain.fitted, plain.x
     for k, drive in enumerate(setup.drives):
         J, r = setup.jacobian(x, k)
         root, idle = np.sqrt(drive.w[drive.w > 0]), int(setup.places[k].own[0])
@@ -141,11 +140,6 @@ def _fit_drift(solved: Solved) -> tuple[float, Array, bool]:
         independent += effective_samples(after, float(drive.dt_s.sum()) / len(after))
     by_noise = float(chdtri(len(gains), SHARE_CHANCE)) * left / max(independent, 1.0)
     return left, np.array(gains), bool(saved[1] > max(saved[0], by_noise))
-
-
-def by_noise(free: Solved, count: int) -> float:
-    """Squares that creeps of so many logs save of nothing but noise, as rarely as `SHARE_CHANCE`."""
-    return float(chdtri(2 * count, SHARE_CHANCE)) * free.cost / count_independent(free)
 
 
 def refit_with_creeps(solved: Solved, logs: Sequence[RecordedLog]) -> tuple[Solved, tuple[RecordedLog, ...]]:

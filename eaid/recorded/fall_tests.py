@@ -19,9 +19,8 @@ from eaid.arrays import Array
 from eaid.estimate.forms import SLOWEST_TAU
 from eaid.findings import Finding, finding
 from eaid.levels.release import LEFT_SAVES
-from eaid.plant.drive import Drive
 from eaid.plant.forms import PerLevel
-from eaid.recorded.from_logs import NO_EXTRAS, Solved, fit_near, fit_through
+from eaid.recorded.from_logs import NO_EXTRAS, Setup, Solved, fit_near, fit_through
 from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.recorded import FallTest
@@ -38,14 +37,14 @@ FALL_NAMES = {
 WIDEST_HALF = 1e6  # Half-width beyond which there is no interval
 
 
-def list_tests(drives: tuple[Drive, ...], low: float, stepwise: bool, free: bool) -> tuple[str, ...]:
+def list_tests(setup: Setup, stepwise: bool, free: bool) -> tuple[str, ...]:
     """Which of the three the inputs can tell: one that moves and is not free, but a loop's, tells none in between."""
     rests = falls = 0
-    for drive in drives:
+    for drive in setup.drives:
         level = drive.duty[drive.which]
         fell = np.flatnonzero((level[:-1] > 0) & (level[1:] == 0))
         rests += any(int((level[at + 1 :] == 0).argmin() or len(level) - at - 1) >= 8 for at in fell)
-        falls += int(((level[1:] < level[:-1]) & (level[1:] >= low)).sum())
+        falls += int(((level[1:] < level[:-1]) & (level[1:] >= setup.model.low)).sum())
     of_falls = ("fall", *("excess",) * bool(stepwise)) if falls >= 2 and (stepwise or free) else ()
     return (*("rest",) * bool(rests), *of_falls)
 
@@ -53,7 +52,7 @@ def list_tests(drives: tuple[Drive, ...], low: float, stepwise: bool, free: bool
 def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
     """Test all that the inputs can tell together, then fit again with those that differ: they are its extras. Where
     levels are held, with T_s of each: falls imitate what a curve through them misses."""
-    names = list_tests(base.setup.drives, base.setup.model.low, inputs.stepwise, free)
+    names = list_tests(base.setup, inputs.stepwise, free)
     names = tuple(name for name in names if name != "rest" or not base.setup.falls_as_left)
     judgements: dict[str, Judged] = {}
     if names:

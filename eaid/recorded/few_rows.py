@@ -19,35 +19,28 @@ MOVING_ROWS = 6_000  # Blocks of an input that moves all the time, at most
 
 @dataclass(frozen=True, eq=False)
 class Copies:
-    """A log in numbers: every sample, and fewer rows that cost what the log costs; each made when it is asked for."""
+    """A log, and fewer rows that cost what it costs, made when they are asked for."""
 
     log: RecordedLog
     dead_time_s: float = 0.0  # Near which a fit's θ lies [s]: the few rows are exact for it and some samples about it
 
-    @property
-    def every(self) -> Drive:
-        """Every row."""
-        return self.log.drive
-
     @cached_property
     def small(self) -> Drive:
         """Some thousand rows that cost what the log costs, exactly where its input is held."""
-        if not self.log.stepwise:
-            return average_moving(self.log, self.every)
-        return compress_held(self.log, self.every, self.dead_time_s)
+        return compress_held(self.log, self.dead_time_s) if self.log.stepwise else average_moving(self.log)
 
 
 EARLIER = 4  # Samples before a delayed change from which single ones are kept
 
 
-def compress_held(log: RecordedLog, every: Drive, dead_time_s: float = 0.0) -> Drive:
+def compress_held(log: RecordedLog, dead_time_s: float) -> Drive:
     """A log whose input is held, in Gauss nodes of blocks that double in length from where each change acts.
 
     What it costs is what the log costs, as far as the response is a polynomial on each block; the first rows of each
     hold stay as they are, and so do blocks with an output that is not known.
     """
-    known, t, after_s = every.w > 0, log.time_s, dead_time_s - log.late_s
-    acts = log.changes
+    every, t, after_s = log.drive, log.time_s, dead_time_s - log.late_s
+    known, acts = every.w > 0, log.changes
     if after_s != 0:
         later = np.searchsorted(t, t[acts[1:]] + after_s) - EARLIER
         acts = np.unique(np.clip(np.append(0, later), 0, len(t) - 1))
@@ -63,9 +56,9 @@ def compress_held(log: RecordedLog, every: Drive, dead_time_s: float = 0.0) -> D
     return every._replace(dt_s=dt_s, which=every.which[row], rising=every.rising[row], y=y, w=w, left=max(left, 0.0))
 
 
-def average_moving(log: RecordedLog, every: Drive) -> Drive:
+def average_moving(log: RecordedLog) -> Drive:
     """A log whose input moves all the time, over equal blocks: each the mean output at its middle, the mean input."""
-    n, t = len(log.input), log.time_s
+    n, t, every = len(log.input), log.time_s, log.drive
     if n <= MOVING_ROWS or not every.w.all():
         return every
     starts = np.arange(0, n, -(-n // MOVING_ROWS))

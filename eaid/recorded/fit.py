@@ -9,12 +9,12 @@ import contextlib
 import statistics
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes
+from eaid.arrays import Array, extremes, median
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import map_unknowns, with_intervals
@@ -30,19 +30,18 @@ from eaid.levels.unseen import judge_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.forms import PerLevel
-from eaid.plant.respond import from_rest
+from eaid.plant.respond import from_rest, respond
 from eaid.recorded.choice import Chosen, add_rest_before, choose_plant, set_up_above_idle
 from eaid.recorded.closed_loop import judge_loops, refit_by_instruments
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
 from eaid.recorded.fall_tests import fit_with_falls
-from eaid.recorded.from_logs import Solved, fit_setup, fit_through, idle_found, plant_found, start_states
+from eaid.recorded.from_logs import Setup, Solved, fit_setup, fit_through, idle_found, plant_found, start_states
 from eaid.recorded.held_out import held_out
-from eaid.recorded.inputs import FEW_LEVELS, Excited, find_inputs, input_findings, move_range, refuse
+from eaid.recorded.inputs import FEW_LEVELS, Experiment, find_inputs, input_findings, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
-from eaid.recorded.limit import goes_beyond, without_largest
 from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, spread_by_runs
-from eaid.recorded.plant_part import LagsOwn, LevelsOwn, find_own_lags, find_own_levels, intervals, plant_part
+from eaid.recorded.plant_part import LevelsOwn, OwnRow, find_own_lags, find_own_levels, intervals, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
 from eaid.results.models import (
@@ -62,6 +61,7 @@ from eaid.results.residuals import correlation_of
 from eaid.results.verdict import judged
 from eaid.shapes.each_step import fit_single_steps
 from eaid.steps.levels import wanted_levels
+from eaid.steps.noise import sample_noise, stretches
 from eaid.steps.stepset import Level, StepSet
 
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
@@ -106,12 +106,10 @@ LONGEST_STEP_S = 60.0  # … and no longer than this
 STEPS_ROWS = 2000
 
 
-def data_of_logs(
-    logs: Sequence[RecordedLog], runs: Sequence[RecordedLog | Run], steps: StepSet | None, levels: Array
-) -> FittedData:
+def data_of_logs(experiment: Experiment) -> FittedData:
     """What was fitted: the logs, before the steps that were fitted with them."""
-    told = FittedData() if steps is None else workflow.data_of_steps(steps)
-    made = [run.synthetic for run in runs if isinstance(run, Run) and run.synthetic]
+    logs, inputs = [*experiment.logs, *experiment.others], experiment.inputs
+    told = FittedData() if experiment.steps is None else workflow.data_of_steps(experiment.steps)
     sources = [
         Source(log.source, log.sha256, log.name, baseline_nm=log.baseline, samples=len(log.time_s), edge="recorded")
         for k, log in enumerate(logs)
@@ -119,13 +117,13 @@ def data_of_logs(
     ]
     return msgspec.structs.replace(
         told,
-        levels=tuple(levels.tolist()),
+        levels=tuple(inputs.levels.tolist()) if inputs.stepwise else (),
         repeats=(),
         samples=(),
         record_s=(),
         sample_rate_hz=max((len(log.time_s) - 1) / float(log.time_s[-1] - log.time_s[0]) for log in logs),
         sources=(*sources, *told.sources),
-        synthetic=made[0] if made else told.synthetic,
+        synthetic=experiment.synthetic or told.synthetic,
     )
 
 
@@ -174,14 +172,17 @@ def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
     )
 
 
-def linear_of_logs(
-    solved: Solved, base: Solved, levels: Array, options: FitOptions, repeats: Sequence[Level] = ()
-) -> Linear:
-    """Eq. (8) of the logs, with what they leave open; and of each level by itself: of steps of the fitted model."""
-    model, wanted = solved.setup.model, options.bounds_levels
+def linear_of_logs(experiment: Experiment, chosen: Chosen) -> Linear:
+    """Eq. (8) of the logs, behind the plant's dead time, with what they leave open; and of each level by itself: of
+    steps of the fitted model."""
+    base, inputs, wanted = chosen.solved, experiment.inputs, experiment.options.bounds_levels
+    levels, of_plant = inputs.basis, base.setup.model
+    setup = bare(base) if of_plant.kind == "parallel" else set_up_above_idle(base, chosen.logs)
+    model = forms.linear(np.array([-inputs.high, inputs.high]) if of_plant.signed else levels)
+    solved = fit_setup(replace(setup, model=model))
     pooled, ends = parameters(model, solved.coefficients), None
-    if options.ci != "none":
-        known = spread_by_runs(spread(solved), solved, repeats)
+    if experiment.options.ci != "none":
+        known = spread_by_runs(spread(solved), solved, experiment.repeats)
 
         def numbers(x: Array) -> Array:
             one = parameters(model, x[: model.size])
@@ -210,21 +211,28 @@ def linear_of_logs(
 
 
 def friction_of_logs(
-    solved: Solved, levels: Array, known: CurveSpread | None, own: LevelsOwn | None = None, lags: LagsOwn | None = None
-) -> Friction:
-    """T_s, τ1, τ2 of the levels: those of the nonlinear model with their intervals, each level's own where the logs
-    tell it, or each level's by itself."""
+    experiment: Experiment, base: Solved, known: CurveSpread | None, own: Sequence[OwnRow], of_model: bool
+) -> Friction | None:  # fmt: skip
+    """T_s, τ1, τ2 of the levels: those `of_model` with their intervals, each level's own where the logs tell it, or
+    each level's by itself; None where inputs move, or C is free."""
+    inputs, share = experiment.inputs, experiment.options.held_share
+    few = inputs.stepwise and len(inputs.levels) <= FEW_LEVELS
+    if not few or share is None or base.setup.model.kind != "parallel":
+        return None
+    solved, levels = base, inputs.levels
+    if not of_model:
+        known, own = None, []
+        solved = fit_setup(replace(bare(base), model=forms.friction(levels, share)))
+        if extras := tuple(name for name in base.fitted.extras if name != "dead"):
+            solved = fit_with_falls(solved, extras)
     share, tables = plant_found(solved).C, solved.curves(levels)
     ends = {row.level: row.ci95 for row in (() if known is None else known.rows)}
-    steady = tables.steady if own is None else np.exp(own.Ts)
-    for u, both in () if own is None or known is None else zip(own.u.tolist(), own.ends, strict=True):
-        ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), Ts=both)
-    taus = {"tau1": tables.tau1, "tau2": tables.tau2}
-    for name, low, value, high in () if lags is None else lags.rows:
-        taus[name] = value
+    numbers = {"Ts": tables.steady, "tau1": tables.tau1, "tau2": tables.tau2}
+    for name, low, value, high in own:
+        numbers[name] = value
         for u, least, most in zip(levels.tolist(), low.tolist(), high.tolist(), strict=True) if known else ():
             ends[u] = msgspec.structs.replace(ends.get(u) or LevelIntervals(), **{name: (least, most)})
-    values = zip(steady.tolist(), taus["tau1"].tolist(), taus["tau2"].tolist(), strict=True)
+    values = np.stack([*numbers.values()], axis=1).tolist()
     rows = [
         FrictionLevel(
             one.level, Ts, tau1, tau2, share, rmse=one.rmse, sse=one.sse, fit_pct=one.fit_pct, R2=one.R2,
@@ -274,49 +282,65 @@ def fit_recorded(
     rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it.
     """
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
-    experiment = experiment_of(logs, options or FitOptions(), runs, steps, falls=falls)
-    chosen = chosen_of(experiment, dead_time_s)
+    made = (run.synthetic for run in runs if isinstance(run, Run) and run.synthetic)
+    experiment = experiment_of(logs, options or FitOptions(), steps, falls=falls)
+    experiment = replace(experiment, dead_time_s=dead_time_s, synthetic=next(made, None))
+    chosen = choose_plant(experiment)
     within = replace(experiment, logs=[without_largest(log) for log in experiment.logs])
     if any(one.limit != log.limit for one, log in zip(within.logs, experiment.logs, strict=True)):
         with contextlib.suppress(DataError):  # of which too little is left
-            other = chosen_of(within, dead_time_s)
+            other = choose_plant(within)
             if goes_beyond(other, within.logs, experiment.logs):
                 experiment, chosen = within, other
     return fit_of(experiment, chosen)
 
 
-@dataclass(frozen=True, eq=False)
-class Experiment:
-    """What a fit of logs is made from."""
+# An output that ends below what the plant would give, with noise behind its limit, so that no row repeats another. It
+# comes to its largest value as steeply as it rises, and stays there. A fast plant does so, too: which of both it is,
+# a fit without the rows at that value tells, by whether it goes well beyond.
+NEAR, LARGEST = 4.0, 0.995  # Deviations of the noise about the largest value, which is a quantile of the output
+AT_LIMIT_ROWS, AT_LIMIT = 20, 0.02  # Rows of a stretch at the largest value, and part of all rows in such stretches
+RISE, STEEP = 5, 8.0  # Rows before a stretch over which the output rises by so many deviations of the noise
+LEAST_BEYOND = 0.03  # Part of the largest value by which the plant goes beyond it there
 
-    logs: Sequence[RecordedLog]
-    others: Sequence[RecordedLog]  # Steps of the same clutch
-    inputs: Excited
-    options: FitOptions
-    runs: Sequence[RecordedLog | Run]
-    steps: StepSet | None
-    repeats: Sequence[Level] = ()  # Levels whose means the logs are; their runs tell how they scatter
-    falls: bool = True  # Whether falls may have numbers of their own
 
-    @property
-    def rests(self) -> bool:
-        """Whether some log shows the output at rest."""
-        every = (*self.logs, *self.others)
-        return any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
+def without_largest(log: RecordedLog) -> RecordedLog:
+    """A log without the rows at its largest output, if it comes there as at a limit; itself where it does not."""
+    y, known = log.output, np.isfinite(log.output)
+    if log.limit is not None or log.reference is not None or not known.all():
+        return log
+    noise, top = sample_noise(y), float(np.quantile(y, LARGEST))
+    limit = median(y[y > top - NEAR * noise])
+    starts, stops = stretches(y > limit - NEAR * noise)
+    long = (stops - starts >= AT_LIMIT_ROWS) & (starts >= RISE)
+    starts, stops = starts[long], stops[long]
+    if not len(starts) or (stops - starts).sum() < AT_LIMIT * len(y):
+        return log
+    if median(y[starts] - y[starts - RISE]) < STEEP * noise:
+        return log
+    there = y > limit - NEAR * noise
+    share_pct = 100 * float(there.mean())
+    return replace(log, output=np.where(there, np.nan, y), limit=limit, at_limit_pct=share_pct)
 
-    @property
-    def steps_left_out(self) -> list[Finding]:
-        """Said where steps stand beside logs of both signs, which are fitted alone."""
-        names = tuple(name for level in (self.steps.levels if self.steps else ()) for name in level.names)
-        if not names or self.others:
-            return []
-        why = "a plant of both signs of the input is fitted to logs of both alone"
-        return [finding("runs-left-out", "data", runs=names, of=len(names) + len(self.logs), why=why)]
+
+def goes_beyond(chosen: Chosen, logs: Sequence[RecordedLog], whole: Sequence[RecordedLog]) -> bool:
+    """Whether the plant that was fitted to logs without their largest outputs goes beyond these in the mean."""
+    solved, plant = chosen.solved, plant_found(chosen.solved)
+    for k, (log, before, acting) in enumerate(zip(logs, whole, chosen.logs, strict=True)):
+        if log is before or log.limit is None:
+            continue
+        changes_s, start = acting.time_s - acting.late_s, start_states(solved, k)
+        y = respond(plant, changes_s, acting.input, acting.time_s, start, acting.stepwise)
+        y = y + idle_found(solved, k) + (acting.baseline or 0.0)
+        rows = np.isin(acting.time_s, log.time_s[np.isnan(log.output)])
+        if float(y[rows].mean()) > (1 + LEAST_BEYOND) * log.limit:
+            return True
+    return False
 
 
 def experiment_of(
-    logs: Sequence[RecordedLog], options: FitOptions, runs: Sequence[RecordedLog | Run], steps: StepSet | None = None,
-    repeats: Sequence[Level] = (), falls: bool = True,
+    logs: Sequence[RecordedLog], options: FitOptions, steps: StepSet | None = None, repeats: Sequence[Level] = (),
+    falls: bool = True,
 ) -> Experiment:  # fmt: skip
     """Logs as they are fitted, beside steps of the same clutch; `DataError` for those that tell nothing."""
     refuse(logs)
@@ -325,75 +349,62 @@ def experiment_of(
     others = logs_of_steps(steps) if steps is not None and not signed else []
     inputs = find_inputs([*logs, *others], options.duty, goes_on=True)
     resting = [add_rest_before(log, inputs) for log in logs]
-    return Experiment(resting, others, inputs, options, runs, steps, repeats, falls)
-
-
-def chosen_of(experiment: Experiment, dead_time_s: float = 0.0) -> Chosen:
-    """The plant that evidence chooses."""
-    logs, others, inputs, options = experiment.logs, experiment.others, experiment.inputs, experiment.options
-    return choose_plant(logs, others, inputs, options, experiment.rests, dead_time_s, experiment.falls)
+    return Experiment(resting, others, inputs, options, repeats, falls, steps)
 
 
 def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     """The whole fit with a plant that was chosen."""
-    logs, others, options, inputs = experiment.logs, experiment.others, experiment.options, experiment.inputs
-    base, wanted = chosen.solved, options.model or ("friction", "nonlinear", "linear")
-    findings = [*input_findings(logs, inputs, options.duty), *find_parted_logs(logs), *experiment.steps_left_out]
-    inputs = move_range(inputs, base.setup.model.low, base.setup.model.high)
+    options, logs, model = experiment.options, experiment.logs, chosen.solved.setup.model
+    wanted = options.model or ("friction", "nonlinear", "linear")
+    findings = [*input_findings(experiment), *find_parted_logs(logs)]
     if not experiment.rests:  # another kind's T_s goes through rest, and tells the idle output so
-        code = "idle-not-seen" if base.setup.model.kind == "parallel" else "rest-not-seen"
+        code = "idle-not-seen" if model.kind == "parallel" else "rest-not-seen"
         findings += [finding(code, log.name) for log in logs]
-    if any(log.reference is not None for log in logs):
-        base, before_s = refit_by_instruments(base, chosen.logs), base.fitted.dead_time(base.x)
-        if (theta_s := base.fitted.dead_time(base.x)) > before_s:
+    if experiment.of_loops:
+        direct_s = chosen.solved.dead_time_s
+        chosen = replace(chosen, solved=refit_by_instruments(chosen.solved, chosen.logs))
+        if (theta_s := chosen.solved.dead_time_s) > direct_s:
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
-    # which value a level has is no matter of intervals
-    spreads = (
-        spread_by_runs(spread(base), base, experiment.repeats) if options.ci != "none" or inputs.stepwise else None
-    )
+    base, over = chosen.solved, replace(experiment, inputs=experiment.inputs.over(model.low, model.high))
+    inputs, spreads = over.inputs, None
+    if options.ci != "none" or inputs.stepwise:  # which value a level has is no matter of intervals
+        spreads = spread_by_runs(spread(base), base, experiment.repeats)
     own = find_own_levels(base, spreads, inputs, experiment.repeats)
     if own is not None and own.by_form and options.curve == "auto":
         return fit_of(*follow_levels(experiment, chosen, own))
-    uncertainty = None if options.ci == "none" else spreads
-    findings += [] if own is None else own.told
-    lags = find_own_lags(base, inputs, experiment.repeats) if spreads is not None else None
-    findings += [] if lags is None else lags.told
-    known = None
-    if uncertainty is not None and base.setup.model.kind in ("parallel", "lag"):
+    lags, of_lags = find_own_lags(base, inputs, experiment.repeats)
+    uncertainty, known = None if options.ci == "none" else spreads, None
+    if uncertainty is not None and model.kind in ("parallel", "lag"):
         known = curves(base, uncertainty, inputs.shown)
-    recorded, told = judge_logs(base, chosen, logs, others)
-    findings += [*chosen.findings, *told]
+    recorded, told = judge_logs(over, chosen, 0 if uncertainty is None else uncertainty.scatter.count)
+    findings += [*chosen.findings, *told, *of_lags]
+    findings += [] if own is None else own.told
     findings += [] if uncertainty is None else uncertainty.scatter.findings
     if known is not None:
         of_curves = [one for one in known.findings if own is None or one.values["parameter"] != "Ts"]
         findings += [*([] if own is None else own.wide), *of_curves]
-    levels = inputs.levels if inputs.stepwise else np.zeros(0)
-    data = data_of_logs([*logs, *others], experiment.runs, experiment.steps, levels)
+    data = data_of_logs(over)
     findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)
-    linear = fit_linear_beside(base, chosen, inputs, options, experiment.repeats) if "linear" in wanted else None
+    linear = linear_of_logs(over, chosen) if "linear" in wanted else None
     findings += [] if linear is None or linear.bounds is None else bounds_findings(linear.per_level, linear.bounds)
-    by_model = "nonlinear" in wanted
-    friction = (
-        fit_friction_beside(base, inputs, options, known, (own, lags), by_model) if "friction" in wanted else None
-    )
-    shown = "nonlinear" in wanted and base.setup.model.kind in ("parallel", "lag") and not base.setup.model.signed
+    by_model, friction = "nonlinear" in wanted, None
+    if "friction" in wanted:
+        of_levels = lags if own is None else [own.row, *lags]
+        friction = friction_of_logs(over, base, known, of_levels, by_model)
+    shown = by_model and model.kind in ("parallel", "lag") and not model.signed
     release = plant_found(base).release
     return Fit(
         findings=ranked(findings),
         seed=options.seed,
         data=data,
-        plant_=plant_part(base, data, uncertainty, chosen.kinds, inputs, own) if "nonlinear" in wanted else None,
+        plant_=plant_part(base, data, uncertainty, chosen.kinds, inputs, own) if by_model else None,
         converged=base.solver.converged,
         nonlinear=nonlinear_of_logs(base, uncertainty, known, inputs.shown, own) if shown else None,
         linear=linear,
         friction=friction,
         release=None if release is None or base.setup.falls_as_left else Release(*release, plant_found(base).C),
         uncertainty=None if uncertainty is None else uncertainty_part(base, uncertainty),
-        recorded=msgspec.structs.replace(
-            recorded,
-            u_range=(inputs.low, inputs.high),
-            engagements=0 if uncertainty is None else uncertainty.scatter.count,
-        ),
+        recorded=recorded,
     )
 
 
@@ -404,8 +415,8 @@ def follow_levels(experiment: Experiment, chosen: Chosen, own: LevelsOwn) -> tup
     if flat.code != "output-levels-off" or (experiment.options.duty or experiment.repeats):
         return experiment, through
     inputs = find_inputs([*experiment.logs, *experiment.others], (experiment.inputs.low, flat.levels[0]))
-    within = replace(experiment, inputs=inputs)
-    clipped = chosen_of(within)
+    within = replace(experiment, inputs=inputs, dead_time_s=0.0)
+    clipped = choose_plant(within)
     if clipped.solved.cost > AS_LIMITED * through.solved.cost:
         return experiment, through
     told = msgspec.structs.replace(flat, values={**flat.values, "how": "limit"})
@@ -432,26 +443,28 @@ def find_parted_logs(logs: Sequence[RecordedLog]) -> list[Finding]:
     return [finding("log-in-parts", names[sha256], parts=count) for sha256, count in files.items() if count > 1]
 
 
-def judge_logs(
-    base: Solved, chosen: Chosen, logs: Sequence[RecordedLog], others: Sequence[RecordedLog]
-) -> tuple[Recorded, list[Finding]]:
+def judge_logs(experiment: Experiment, chosen: Chosen, engagements: int) -> tuple[Recorded, list[Finding]]:
     """Each log, its loop and what the model makes of what it has not seen; findings of loops, unseen, and left."""
+    base, logs = chosen.solved, experiment.logs
     loops, findings = judge_loops(base, chosen.logs)
-    unseen = held_out(base, chosen.logs, others)
+    unseen = held_out(base, chosen.logs, experiment.others)
     if unseen is not None:
         findings += judge_unseen(unseen.fit_pct, unseen.held_pct, unseen.of)
-    findings += drift_findings(base, chosen.logs)
     if not loops:
         findings += log_that_differs(base, [log.name for log in logs])
-    findings += [*left_over_findings(base, chosen.logs), *column_findings(base, chosen.logs)]
+    if not experiment.of_loops:  # whose input follows what is left
+        for left in (drift_findings, left_over_findings, column_findings):
+            findings += left(base, chosen.logs)
     rows = zip(logs, chosen.logs, chosen.late, strict=True)
-    off_s = base.fitted.dead_time(base.x) if base.fitted.between_rows else 0.0
+    off_s = base.dead_time_s if base.fitted.between_rows else 0.0
     return Recorded(
         logs=tuple(
             msgspec.structs.replace(log_part(base, k, log, without), late_rows=late.rows - off_s / log.usual_s)
             for k, (log, without, late) in enumerate(rows)
         ),
-        steps=len(others),
+        steps=len(experiment.others),
+        u_range=(experiment.inputs.low, experiment.inputs.high),
+        engagements=engagements,
         falls=chosen.falls,
         loops=loops,
         dead_time_s=base.fitted.dead_time_of_plant(base.x),
@@ -459,30 +472,6 @@ def judge_logs(
     ), findings
 
 
-def fit_linear_beside(
-    base: Solved, chosen: Chosen, inputs: Excited, options: FitOptions, repeats: Sequence[Level]
-) -> Linear:
-    """The linear model of the same logs, behind the plant's dead time."""
-    theta_s, model = base.fitted.dead_time(base.x), base.setup.model
-    setup = replace(base.fitted, extras=(), creeping=0, dead_time_s=theta_s)
-    if model.kind != "parallel":
-        setup = set_up_above_idle(base, chosen.logs, theta_s)
-    basis = np.array([-inputs.high, inputs.high]) if model.signed else inputs.basis
-    return linear_of_logs(fit_setup(replace(setup, model=forms.linear(basis))), base, inputs.basis, options, repeats)
-
-
-def fit_friction_beside(
-    base: Solved, inputs: Excited, options: FitOptions, known: CurveSpread | None,
-    own: tuple[LevelsOwn | None, LagsOwn | None], of_model: bool,
-) -> Friction | None:  # fmt: skip
-    """The curves of the levels, those `of_model` with T_s their own, or all by themselves; None where inputs move, or C
-    is free."""
-    share, few = options.held_share, inputs.stepwise and len(inputs.levels) <= FEW_LEVELS
-    if not few or share is None or base.setup.model.kind != "parallel":
-        return None
-    if of_model:
-        return friction_of_logs(base, inputs.levels, known, *own)
-    extras = tuple(name for name in base.fitted.extras if name != "dead")
-    setup = replace(base.fitted, extras=(), creeping=0, dead_time_s=base.fitted.dead_time(base.x))
-    solved = fit_setup(replace(setup, model=forms.friction(inputs.levels, share)))
-    return friction_of_logs(fit_with_falls(solved, extras) if extras else solved, inputs.levels, None)
+def bare(base: Solved) -> Setup:
+    """The logs of a fit behind its dead time, for a model without falls and creeps of its own."""
+    return replace(base.fitted, extras=(), creeping=0, dead_time_s=base.dead_time_s)

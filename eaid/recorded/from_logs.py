@@ -65,8 +65,17 @@ class UnknownsOfLog:
 
     # In x: C, the extras, idle output, x1 and x2 at its first row, both of a creep; −1 where one is no unknown, (12,)
     x: NDArray[np.intp]
-    columns: NDArray[np.intp]  # Places in x of all unknowns that it knows, in the kernel's order
-    kernel: NDArray[np.intp]  # As `x`, among these columns
+    shared: int  # Unknowns that all logs share, the first ones
+
+    @cached_property
+    def columns(self) -> NDArray[np.intp]:
+        """Places in x of all unknowns that it knows, in the kernel's order."""
+        return np.append(np.arange(self.shared), self.own[self.own >= 0])
+
+    @cached_property
+    def kernel(self) -> NDArray[np.intp]:
+        """As `x`, among these columns."""
+        return np.where(self.x >= 0, np.searchsorted(self.columns, self.x), -1)
 
     @property
     def own(self) -> NDArray[np.intp]:
@@ -103,7 +112,7 @@ class Setup:
     @cached_property
     def every(self) -> "Setup":
         """The same on every sample."""
-        return replace(self, drives=tuple(one.every for one in self.copies)) if self.copies else self
+        return replace(self, drives=tuple(one.log.drive for one in self.copies)) if self.copies else self
 
     @cached_property
     def crept(self) -> tuple[Array, ...]:
@@ -137,10 +146,8 @@ class Setup:
             loaded, creeps = not drive.starts_idle, k < self.creeping
             of_two = loaded and self.model.tau2 is not None
             free = np.array([self.idle_free and not drive.idle_known, loaded, of_two, creeps, creeps])
-            order = np.cumsum(free) - 1
-            own, local = (np.where(free, first + order, -1) for first in (before, self.shared))
-            columns = np.concatenate([np.arange(self.shared), own[free]])
-            found.append(UnknownsOfLog(np.append(shared, own), columns, np.append(shared, local)))
+            own = np.where(free, before + np.cumsum(free) - 1, -1)
+            found.append(UnknownsOfLog(np.append(shared, own), self.shared))
             before += int(free.sum())
         return tuple(found)
 
@@ -250,10 +257,15 @@ def setup_of(
         np.diff(log.time_s[np.append(log.changes, -1)]).max() if log.stepwise else log.time_s[-1] for log in all_logs
     ]
     hold = float(max(holds))
-    rows = tuple(one.every if model.kind == "swing" else one.small for one in copies)
+    rows = tuple(one.log.drive if model.kind == "swing" else one.small for one in copies)
     return Setup(
         model, rows, extras, idle_free, copies, longest, shortest, hold, dead_time_s, creeping, falls_as_left
     )  # fmt: skip
+
+
+def with_dead_time(setup: Setup, x: Array, theta_s: float) -> tuple[Setup, Array]:
+    """The same with the dead time as an unknown, and the unknowns with its value."""
+    return replace(setup, extras=(*setup.extras, "dead")), np.insert(x, setup.shared, theta_s)
 
 
 def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, Array]:
@@ -393,6 +405,11 @@ class Solved:
         """Constraints that hold it, those of the model first."""
         problem = self.setup.problem()
         return np.flatnonzero(problem.A @ self.x - problem.b < 1e-9 + AT_BOUND * np.abs(problem.b))
+
+    @property
+    def dead_time_s(self) -> float:
+        """θ [s]."""
+        return self.fitted.dead_time(self.x)
 
     def curves(self, duty: Array) -> Tables:
         """T_s, τ1 and τ2 at some inputs."""

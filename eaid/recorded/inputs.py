@@ -10,6 +10,8 @@ from eaid.arrays import Array
 from eaid.errors import DataError, UsageError
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
+from eaid.options import FitOptions
+from eaid.steps.stepset import Level, StepSet
 
 WIDEST_LEVEL = 10.0  # Of inputs that are one level the last is not further from the first than this many such parts
 LEVELS_ALIKE = 1e-3  # Inputs that differ by less than this part of the largest are one level
@@ -50,10 +52,49 @@ class Excited:
         few = self.stepwise and 0 < len(self.basis) <= FEW_LEVELS
         return self.basis if few else np.linspace(self.low, self.high, 11)
 
+    def over(self, low: float, high: float) -> "Excited":
+        """The same over another range."""
+        return replace(self, low=low, high=high, levels=self.levels if self.stepwise else np.array([low, high]))
 
-def move_range(inputs: Excited, low: float, high: float) -> Excited:
-    """The same over another range."""
-    return replace(inputs, low=low, high=high, levels=inputs.levels if inputs.stepwise else np.array([low, high]))
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """What a fit of logs is made from."""
+
+    logs: Sequence[RecordedLog]
+    others: Sequence[RecordedLog]  # Steps of the same clutch
+    inputs: Excited
+    options: FitOptions
+    repeats: Sequence[Level] = ()  # Levels whose means the logs are; their runs tell how they scatter
+    falls: bool = True  # Whether falls may have numbers of their own
+    steps: StepSet | None = None
+    synthetic: str | None = None  # What made the logs, where no rig did
+    dead_time_s: float = 0.0  # That single steps show; taken where the logs are fitted better with it
+
+    @property
+    def rests(self) -> bool:
+        """Whether some log shows the output at rest."""
+        every = (*self.logs, *self.others)
+        return any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
+
+    @property
+    def signed(self) -> bool:
+        """Whether some input is below rest."""
+        return any(float(log.input.min()) < 0 for log in self.logs)
+
+    @property
+    def of_loops(self) -> bool:
+        """Whether some log is a loop's, whose input answers the output."""
+        return any(log.reference is not None for log in self.logs)
+
+    @property
+    def steps_left_out(self) -> list[Finding]:
+        """Said where steps stand beside logs of both signs, which are fitted alone."""
+        names = tuple(name for level in (self.steps.levels if self.steps else ()) for name in level.names)
+        if not names or self.others:
+            return []
+        why = "a plant of both signs of the input is fitted to logs of both alone"
+        return [finding("runs-left-out", "data", runs=names, of=len(names) + len(self.logs), why=why)]
 
 
 def find_inputs(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None, goes_on: bool = False) -> Excited:
@@ -136,11 +177,10 @@ def follows(log: RecordedLog) -> float:
     return float(u @ y) / max(float(np.linalg.norm(u) * np.linalg.norm(y)), 1e-300)
 
 
-def input_findings(
-    logs: Sequence[RecordedLog], inputs: Excited, wanted: tuple[float, float] | None = None
-) -> list[Finding]:
-    """Warnings in the inputs, log by log and together, and of a range that was `wanted`."""
-    findings = []
+def input_findings(experiment: Experiment) -> list[Finding]:
+    """Warnings in the inputs, log by log and together, and of a range that was asked for."""
+    logs, inputs, wanted = experiment.logs, experiment.inputs, experiment.options.duty
+    findings = experiment.steps_left_out
     if wanted is not None and inputs.high > wanted[1]:
         findings.append(finding("range-goes-on", "data", wanted=wanted[1], high=inputs.high))
     for log in logs:

@@ -17,18 +17,21 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import chdtri
 
 from eaid.arrays import Array
 from eaid.estimate.forms import in_parallel, of_kind
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, newton_step, solver_verdict
+from eaid.levels.creep import SHARE_CHANCE
 from eaid.plant.drive import Drive, beginning, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
 from eaid.recorded.few_rows import MOVING_ROWS, Copies
-from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, fit_near, setup_of
+from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, fit_near, setup_of, with_dead_time
 from eaid.recorded.log_intervals import effective_samples
 
+SHARED = [0, 4, 5]  # What `swinging_sums` have of all logs: the answer, its rate, and the output
 GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 18  # Of the grid
 LONGEST_DEAD_TIME = 0.2  # Part of the longest log that a dead time may take
 PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
@@ -140,26 +143,24 @@ class Search:
     def costs(self, late: Sequence[Drive], shapes: Sequence[tuple[float, float]]) -> Array:
         """Squares left, all that is linear solved for, without and with a zero, (n, 2), of n pairs of τ and ζ; by
         series' law, one lag at ζ = ∞. `late` are the drives behind the dead time of the places."""
-        found = np.empty((len(shapes), 2))
-        for one_lag in (True, False):
-            at = [k for k, (_, zeta) in enumerate(shapes) if math.isinf(zeta) == one_lag]
-            parts, total = np.zeros((len(at), 3, 3)), 0.0
-            for drive in late if at else ():
-                if one_lag:
-                    sums = lag_sums(drive, np.array([shapes[k][0] for k in at]))
-                else:
-                    sums = np.array([swinging_sums(drive, drive.duty, *shapes[k]) for k in at])
-                free = [not drive.idle_known, not drive.starts_idle, not drive.starts_idle and not one_lag]
-                own = [1 + k for k, is_free in enumerate(free) if is_free]
-                # what a log has for itself goes first
-                back = np.linalg.pinv(sums[:, own][:, :, own], hermitian=True, rcond=1e-12) if own else sums[:, :0, :0]
-                cross = sums[:, [0, 4, 5]][:, :, own]
-                parts += sums[:, [0, 4, 5]][:, :, [0, 4, 5]] - cross @ back @ cross.swapaxes(1, 2)
-                total += drive.left
-            for column, shared in enumerate(([0], [0] if one_lag else [0, 1])):
-                b, among = parts[:, shared, 2], parts[:, shared][:, :, shared]
-                back = np.linalg.pinv(among, hermitian=True, rcond=1e-12)
-                found[at, column] = total + parts[:, 2, 2] - np.einsum("ki,kij,kj->k", b, back, b)
+        one_lag = np.isinf([zeta for _, zeta in shapes])
+        parts, total, found = np.zeros((len(shapes), 3, 3)), 0.0, np.empty((len(shapes), 2))
+        for drive in late:
+            sums = np.array([
+                lag_sums(drive, np.array([tau]))[0] if single else swinging_sums(drive, drive.duty, tau, zeta)
+                for (tau, zeta), single in zip(shapes, one_lag, strict=True)
+            ])  # fmt: skip
+            sums[one_lag, 3] = sums[one_lag, :, 3] = 0.0  # which has no second state
+            own = 1 + np.flatnonzero([not drive.idle_known, not drive.starts_idle, not drive.starts_idle])
+            # what a log has for itself goes first
+            back = np.linalg.pinv(sums[:, own][:, :, own], hermitian=True, rcond=1e-12)
+            cross = sums[:, SHARED][:, :, own]
+            parts += sums[:, SHARED][:, :, SHARED] - cross @ back @ cross.swapaxes(1, 2)
+            total += drive.left
+        for column, shared in enumerate(([0], [0, 1])):
+            b, among = parts[:, shared, 2], parts[:, shared][:, :, shared]
+            back = np.linalg.pinv(among, hermitian=True, rcond=1e-12)
+            found[:, column] = total + parts[:, 2, 2] - np.einsum("ki,kij,kj->k", b, back, b)
         return found
 
     def grid(self) -> list["GridPlace"]:
@@ -221,33 +222,23 @@ def find_peak_frequencies(search: Search) -> list[float]:
     return [float(2 * np.pi * k / ((len(y) - 1) * dt_s)) for k in top]
 
 
-def fit_kind_from(
-    search: Search,
-    kind: LagKind,
-    gain: Form,
-    theta: float,
-    tau: float = 1.0,
-    zeta: float = 1.0,
-    near: Solved | None = None,
-    pace: int = 0,
-) -> Solved:
+def fit_kind_from(search: Search, kind: LagKind, gain: Form, begin: GridPlace | Solved, pace: int = 0) -> Solved:
     """A kind fitted from a place of the grid, or with more of a gain or pace from where it ended with less."""
     model = of_kind(
         kind.law, gain, search.low, search.high, search.shortest_s, None if kind.zero else 0.0, search.signed, pace
     )
+    theta = begin.theta if isinstance(begin, GridPlace) else begin.dead_time_s
     setup = setup_of(model, search.copies(theta), True, theta)
     few = tuple(map(few_rows, setup.copies))
     setup = replace(setup, drives=few, copies=(), falls_as_left=search.falls_as_left)
-    x = np.zeros(setup.size)
-    x[model.slices[0]] = 0.0
-    x[model.slices[1]] = tau
-    if kind.law == "swing":
-        x[model.slices[2]] = min(max(zeta, 0.02), 20.0)
-    if near is not None:
-        x = carry_unknowns(near, setup, gain)
+    if isinstance(begin, GridPlace):
+        x = np.zeros(setup.size)
+        x[model.slices[1]] = begin.tau
+        x[model.slices[2]] = min(max(begin.zeta, 0.02), 20.0)
+    else:
+        x = carry_unknowns(begin, setup, gain)
     if kind.late:
-        x = np.r_[x[: setup.shared], theta, x[setup.shared :]]
-        setup = replace(setup, extras=("dead",))
+        setup, x = with_dead_time(setup, x, theta)
     end = approach(setup.problem(), solve_gain(setup, x), near=KINDS_SETTLED)
     return Solved(setup, end.x, end.cost, solver_verdict(0.0, end.evaluations, [end.cost]))
 
@@ -303,6 +294,11 @@ def count_independent(solved: Solved) -> float:
     return max(count, 1.0)
 
 
+def noise_saves(solved: Solved, unknowns: int, chance: float = SHARE_CHANCE) -> float:
+    """Squares that so many unknowns save of nothing but noise, more as rarely as by `chance`."""
+    return float(chdtri(unknowns, chance)) * solved.cost / count_independent(solved)
+
+
 def refit_on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     """The same fitted to every sample, as rivals are already; near enough to be compared, or to its very end."""
     if one.kind not in LAG_KINDS:
@@ -338,7 +334,7 @@ def score_kinds(tried: Sequence[Tried]) -> list[Tried]:
     return sorted(rows, key=lambda one: one.score)
 
 
-def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried] = ()) -> list[Tried]:
+def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried]) -> list[Tried]:
     """Every kind fitted, beside `rivals`, the best first; the best few with more of a gain.
 
     The best stand fitted to every sample, as rivals do; the others to the rows on which they are looked for.
@@ -348,14 +344,13 @@ def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried] = ()) ->
         if kind.late and search.dead_time_s is not None:
             continue
         begins = find_best_places(search, kind, grid)
-        if kind.late and search.dead_time_s is None:
+        if kind.late:
             begins += [search.behind(one.solved, kind.zero) for one in tried if one.kind == replace(kind, late=False)]
-        ends = [fit_kind_from(search, kind, gain, at.theta, at.tau, at.zeta) for at in begins]
+        ends = [fit_kind_from(search, kind, gain, at) for at in begins]
         tried.append(Tried(kind, min(ends, key=lambda one: one.cost)))
     forms = list(richer_gains(search, levels))
     for one in tuple(tried):  # what a gain lacks another lag or a dead time imitates: none is left out for its cost
-        theta = one.solved.fitted.dead_time(one.solved.x)
-        more = [(form, fit_kind_from(search, one.kind, form, theta, near=one.solved)) for form in forms]
+        more = [(form, fit_kind_from(search, one.kind, form, one.solved)) for form in forms]
         # one through all levels takes what their rests are off for a curve
         tried += [
             Tried(one.kind, end) for form, end in more if form.size < levels or end.cost <= THROUGH_ALL * one.cost
@@ -376,23 +371,18 @@ def try_paced_lags(search: Search, rows: Sequence[Tried], levels: int) -> list[T
         near = [one.solved for one in rows if one.kind == kind]
         for pace in PACES if search.high > search.low else ():
             if levels > pace:
-                ends = [_fit_paced(search, kind, one, pace) for one in near]
+                gains = ((one, one.setup.model.Ts) for one in near)
+                ends = [fit_kind_from(search, kind, gain, one, pace) for one, gain in gains if gain is not None]
                 near = [min(ends, key=lambda one: one.cost)]
                 found += [Tried(kind, one) for one in ends]
     return [one for one in found if shows_its_lags(one, search)]
-
-
-def _fit_paced(search: Search, kind: LagKind, near: Solved, pace: int) -> Solved:
-    gain = near.setup.model.Ts
-    assert gain is not None
-    return fit_kind_from(search, kind, gain, near.fitted.dead_time(near.x), near=near, pace=pace)
 
 
 def shows_its_lags(one: Tried, search: Search) -> bool:
     """Whether the logs show both lags: one under half a sample imitates what happens between samples, one that outlasts
     the logs a drift; and a dead time, where the kind has one."""
     model, x = one.solved.setup.model, one.solved.coefficients
-    if one.kind.late and one.solved.fitted.dead_time(one.solved.x) <= 1e-6 * search.shortest_s:
+    if one.kind.late and one.solved.dead_time_s <= 1e-6 * search.shortest_s:
         return False
     if model.kind != "swing":
         return True
@@ -413,7 +403,7 @@ def integrates(search: Search, best: Tried) -> bool:
     if isinstance(best.solved.setup.model.Ts, Sides) and records > MOST_RECORDS:
         return True
     endless = ENDLESS_TAU * search.longest_s
-    theta = best.solved.fitted.dead_time(best.solved.x)
+    theta = best.solved.dead_time_s
     fast = np.geomspace(0.6 * search.shortest_s, search.longest_s, GRID_TAUS)
     costs = [search.cost(theta, endless, math.inf)]
     costs += [  # τ1 and an endless τ2: 1/ω = √(τ1 τ2), ζ = (τ1 + τ2)/(2 √(τ1 τ2))
@@ -425,4 +415,4 @@ def integrates(search: Search, best: Tried) -> bool:
 
 def few_rows(log: Copies) -> Drive:
     """Every row of a log that is not long, else a few that cost what it costs."""
-    return log.every if len(log.log.time_s) <= MOVING_ROWS else log.small
+    return log.log.drive if len(log.log.time_s) <= MOVING_ROWS else log.small

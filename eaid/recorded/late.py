@@ -13,7 +13,7 @@ is of the input as it acted.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,8 @@ from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive, later
 from eaid.plant.sums import unforeseen
 from eaid.recorded.few_rows import Copies
-from eaid.recorded.from_logs import Setup, Solved, fit_near, fit_setup, setup_of
+from eaid.recorded.from_logs import Setup, Solved, fit_near, fit_setup, setup_of, with_dead_time
+from eaid.recorded.inputs import Experiment
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 REST_COST = 2.0
@@ -74,38 +75,26 @@ class Delay(NamedTuple):
 ON_TIME = Delay()
 
 
-@dataclass(frozen=True, eq=False)
-class Timed:
-    """A fit behind the dead time of its logs."""
-
-    solved: Solved
-    logs: tuple[RecordedLog, ...]  # With inputs that were noted late where they acted
-    late: tuple[Delay, ...]  # By which each was noted late
-
-    @property
-    def moved(self) -> bool:
-        """Whether inputs act at other times than they were noted."""
-        return self.solved.fitted.dead_time_of_plant(self.solved.x) > 0 or any(one.rows for one in self.late)
-
-
 def fit_behind_dead_time(
-    base: Solved, logs: Sequence[RecordedLog], steps: Sequence[RecordedLog], given_s: float | None, of_steps_s: float
-) -> Timed:
-    """The fit of logs, and of steps with them, behind their dead time: the one given, or what they show.
+    base: Solved, experiment: Experiment
+) -> tuple[Solved, tuple[RecordedLog, ...], tuple[Delay, ...]]:
+    """The fit of logs, and of steps with them, behind their dead time, the one given or what they show; the logs with
+    their inputs where they acted; and by how much each was noted late.
 
-    `of_steps_s` is what single steps show; it is taken where the logs are fitted better with it. What the logs show is
-    an unknown of the fit, by parts of a sample, and so is the part of a row by which an input was noted late.
+    What single steps show is taken where the logs are fitted better with it. What the logs show is an unknown of the
+    fit, by parts of a sample, and so is the part of a row by which an input was noted late.
     """
     model, rests, as_left = base.fitted.model, base.fitted.idle_free, base.fitted.falls_as_left
+    logs, steps, given_s = experiment.logs, experiment.others, experiment.options.held_dead_time_s
     dead_s, acting = 0.0, tuple(logs)
-    if tried := of_steps_s if given_s is None else given_s:
+    if tried := experiment.dead_time_s if given_s is None else given_s:
         moved = tuple(mark_rest_behind(log, tried) for log in logs)
         behind = fit_setup(setup_of(model, [*moved, *steps], rests, tried, as_left))
         at_rest = behind.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
         if given_s is not None or behind.cost < (REST_COST if at_rest else 1 - LOWER) * base.cost:
             base, dead_s, acting = behind, tried, moved
     if given_s is not None:
-        return Timed(base, acting, (ON_TIME,) * len(logs))
+        return base, acting, (ON_TIME,) * len(logs)
     found = delays(base, acting)
     shown = [dead_s - one.rows * log.usual_s for log, one in zip(logs, found, strict=True)]
     begun_s, dead_s = dead_s, max(median([one for one in shown if one > 0] or [0.0]), 0.0)
@@ -115,15 +104,13 @@ def fit_behind_dead_time(
         one.later(rows) if begins < 0 else ON_TIME for one, rows, begins in zip(found, more, shown, strict=True)
     )
     if not any(one.rows for one in found) and not dead_s:
-        return Timed(base, acting, late)
+        return base, acting, late
     acting = tuple(mark_rest_behind(shift_input(log, one.rows), dead_s) for log, one in zip(logs, late, strict=True))
     if any(one.rows for one in found):
         base = fit_setup(setup_of(model, [*acting, *steps], rests, dead_s, as_left))
     if dead_s or base.fitted.between_rows:
-        x, setup = base.x, base.fitted
-        at = setup.shared
-        base = fit_near(replace(setup, extras=(*setup.extras, "dead")), np.r_[x[:at], dead_s, x[at:]])
-    return Timed(base, acting, late)
+        base = fit_near(*with_dead_time(base.fitted, base.x, dead_s))
+    return base, acting, late
 
 
 def mark_rest_behind(log: RecordedLog, dead_s: float) -> RecordedLog:
@@ -257,8 +244,9 @@ def far_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[int, Array]:
 
 def fit_one_log(setup: Setup, x: Array, log: RecordedLog) -> EndPoint:
     """The fit of one log by itself, begun at x."""
-    copies = Copies(log, setup.dead_time_s)  # what rings is no polynomial on the blocks of the few rows
-    return approach(set_up_one_log(setup, copies.every if setup.model.kind == "swing" else copies.small).problem(), x)
+    # what rings is no polynomial on the blocks of the few rows
+    drive = log.drive if setup.model.kind == "swing" else Copies(log, setup.dead_time_s).small
+    return approach(set_up_one_log(setup, drive).problem(), x)
 
 
 def step_to_delay(setup: Setup, x: Array, log: RecordedLog) -> tuple[float, float]:

@@ -34,9 +34,7 @@ LEFT_SEEN = 0.03  # Part of the output's standard deviation that the part explai
 
 
 def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
-    """Said where what a model leaves follows the input; nothing of loops, whose input follows what is left."""
-    if any(log.reference is not None for log in logs):
-        return []
+    """Said where what a model leaves follows the input."""
     plant, theta_s = plant_found(solved), solved.fitted.dead_time_of_plant(solved.x)
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
     size, parts, sums = 0.0, [], np.zeros((2 * FUNCTIONS + 1, 2 * FUNCTIONS + 1))
@@ -79,9 +77,7 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
 
 def column_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
     """Said where what a model leaves follows a column that was not read, raw or behind the plant's fast lag; such
-    columns are read only where something is left, and nothing is said of loops."""
-    if any(log.reference is not None for log in logs):
-        return []
+    columns are read only where something is left."""
     plant, found = plant_found(solved), dict[str, list[tuple[float, float, float]]]()
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
     for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
@@ -105,8 +101,8 @@ def column_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding
 
 
 def drift_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
-    """Said where a drift explains the output as well as the input does; nothing of loops."""
-    if any(log.reference is not None for log in logs) or not any(map(np.any, solved.missed)):
+    """Said where a drift explains the output as well as the input does."""
+    if not any(map(np.any, solved.missed)):
         return []
     plant, found = plant_found(solved), 0.0
     tau_s = plant.slowest_s(max(plant.u_range))

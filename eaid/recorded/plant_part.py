@@ -38,6 +38,9 @@ LAG_KNOWN = 0.5  # Standard error of ln τ of levels by themselves up to which t
 WIDE_INTERVAL = 2.0  # Half-width, as a part of the number, beyond which an interval says nothing
 
 
+OwnRow = tuple[str, Array, Array, Array]  # Name of a number, its lower ends, values and upper ends, (L,)
+
+
 @dataclass(frozen=True, eq=False)
 class LevelsOwn:
     """Levels that were held, ln T_s of each, its own about the curve, and the half-width of its interval, (L,)."""
@@ -57,12 +60,12 @@ class LevelsOwn:
         return [finding("input-leaves-tau-open", "nonlinear", at, parameter="Ts", limit_pct=limit)] if len(at) else []
 
     @property
-    def ends(self) -> list[tuple[float, float]]:
-        """The intervals, on the logarithm but for what may be 0."""
+    def row(self) -> OwnRow:
+        """T_s with the intervals, on the logarithm but for what may be 0."""
         value, may_be_0 = np.exp(self.Ts), self.half > MAY_BE_0
         low = np.where(may_be_0, np.maximum(value * (1 - self.half), 0.0), value * np.exp(-self.half))
         high = np.where(may_be_0, value * (1 + self.half), value * np.exp(np.minimum(self.half, MAY_BE_0)))
-        return list(zip(low.tolist(), high.tolist(), strict=True))
+        return "Ts", low, value, high
 
 
 def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, levels: Sequence[Level]) -> LevelsOwn | None:
@@ -92,7 +95,8 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
     by_curve = bool(flat) or not levels
     told = [*flat, *levels_scatter(line, u, own, curve, by_curve)]
     found = LevelsOwn(u, own, half, float(np.sqrt(line.v[0])), told, through, by_curve and bool(told))
-    if still := [level for level, (_, high) in zip(u.tolist(), found.ends, strict=True) if high <= RESTING * Ts.max()]:
+    still = u[found.row[-1] <= RESTING * Ts.max()]
+    if len(still):
         told.append(msgspec.structs.replace(finding("output-stays-at-rest", "nonlinear", still), severity="caution"))
     return found
 
@@ -130,22 +134,7 @@ def _by_logs(found: Solved, u: Array) -> ByThemselves | None:
     return Ts, covariance / np.outer(Ts, Ts), degrees, None
 
 
-@dataclass(frozen=True, eq=False)
-class LagsOwn:
-    """Time constants of held levels, their own where no curve follows them: by name ln τ of each level, and the
-    half-width of its interval, (L,)."""
-
-    own: dict[str, tuple[Array, Array]]
-    told: list[Finding]
-
-    @property
-    def rows(self) -> list[tuple[str, Array, Array, Array]]:
-        """By name the lower ends, the values and the upper ends, (L,)."""
-        pairs = ((name, value, half) for name, (value, half) in self.own.items())
-        return [(name, np.exp(value - half), np.exp(value), np.exp(value + half)) for name, value, half in pairs]
-
-
-def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> LagsOwn | None:
+def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> tuple[list[OwnRow], list[Finding]]:
     """Where the time constants of held levels lie off their curves by more than the logs, or the runs of levels, leave
     open: each level's τ1 and τ2, and T_s, is an unknown in place of the curves' coefficients."""
     setup, model, part = solved.fitted, solved.fitted.model, solved.fitted.model.slices[1]
@@ -153,18 +142,18 @@ def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> L
     held = inputs.stepwise and 1 < part.stop - part.start <= len(u) - LEVELS_TO_SPARE and len(u) <= FEW_LEVELS
     several, two = max((len(level.runs) for level in levels), default=0) > 1, model.tau2 is not None
     if model.kind not in ("lag", "parallel") or model.signed or not held or (two and several):
-        return None  # what is constant the evidence has chosen
+        return [], []  # what is constant the evidence has chosen
     curve, each = solved.curves(u), PerLevel(tuple(u.tolist()))
     at_curve = {"tau1": curve.tau1, "tau2": curve.tau2} if two else {"tau1": curve.tau1}
     by_level = replace(model, Ts=each, tau1=each, tau2=each if two else None)
     begin = np.r_[curve.steady, *at_curve.values(), solved.x[model.slices[2].stop :]]
     found = fit_near(replace(setup, model=by_level), begin)
-    of, told, own = spread(found), list[Finding](), dict[str, tuple[Array, Array]]()
+    of, told, own = spread(found), list[Finding](), list[OwnRow]()
     for k, (name, on_curve) in enumerate(at_curve.items(), 1):
         place = slice(k * len(u), (k + 1) * len(u))
         tau, rows = found.x[place], np.eye(len(found.x))[place]
         if not found.solver.converged or (tau <= 0).any():
-            return None
+            return [], []
         if tau.max() > LONGEST_LAG * setup.longest_hold_s:  # of a level that does not tell it
             continue
         if several:
@@ -178,8 +167,9 @@ def find_own_lags(solved: Solved, inputs: Excited, levels: Sequence[Level]) -> L
         value, half, _ = pull_to_line(line, on_curve, degrees)
         if np.abs(value - np.log(on_curve)).max() >= LAG_OFF:
             more = levels_scatter(line, u, value, np.log(on_curve), by_curve=True, parameter=name)
-            told, own = [*told, *more], own | ({name: (value, half)} if more else {})
-    return LagsOwn(own, told)
+            told += more
+            own += [(name, np.exp(value - half), np.exp(value), np.exp(value + half))] if more else []
+    return own, told
 
 
 def _lags_by_runs(found: Solved, levels: Sequence[Level]) -> tuple[Array, float]:
@@ -222,7 +212,8 @@ def plant_part(
         levels.setdefault(name, []).extend([(u, *one)] if one is not None else [])
     by_level = {name: tuple(at) for name, at in levels.items()}
     if known.Ts_levels and own is not None:
-        by_level["Ts"] = tuple((u, *both) for u, both in zip(own.u.tolist(), own.ends, strict=True))
+        _, low, _, high = own.row
+        by_level["Ts"] = tuple(zip(own.u.tolist(), low.tolist(), high.tolist(), strict=True))
     return msgspec.structs.replace(known, ci95=PlantIntervals(levels=by_level, **found), tried=tried)
 
 

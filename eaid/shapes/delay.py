@@ -23,7 +23,6 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from eaid.arrays import Array, inverse, median, white_squares
-from eaid.errors import UsageError
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
@@ -32,13 +31,12 @@ from eaid.plant.steps import decay
 from eaid.results.common import Interval
 from eaid.results.models import StepShape
 from eaid.shapes.curves import AveragedRecord, average_record, delays_tried, slopes, starts_of, step_curve
-from eaid.shapes.shape import FREE, SHAPES_SETTLED, WHITE, fit_step, independent_samples, solve_least
+from eaid.shapes.shape import FREE, SHAPES_SETTLED, WHITE, fit_step, independent_samples, refuse_longer, solve_least
 from eaid.steps.step import moving_means, usual_step
 from eaid.steps.stepset import Level, LevelStep, StepSet
 
 SAVED = 0.1  # Part of the RMSE that a dead time has to save at a level
 LEVELS_ASKED = 10  # Levels that are asked
-LONGEST_DELAY_PART = 0.9  # Part of a record that a dead time may take
 START_ROWS, LEAST_LATE_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
 START_CHANCE = 0.01  # By which the runs' scatter may explain it
 LEAST_ROWS_BEHIND = 8  # Of a level or release behind its dead time
@@ -68,11 +66,7 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
     """The dead time of a set's steps, as given or as most levels show it; none where they show none."""
     if (given := options.held_dead_time_s) is not None:
         for level in stepset.levels:
-            if given >= LONGEST_DELAY_PART * level.time_s[-1]:
-                raise UsageError(
-                    f"«dead_time» {given:g} s: the step of {level.names[0]} is recorded for {level.time_s[-1]:.3g} s; "
-                    "give a shorter one"
-                )
+            refuse_longer(given, level.names[0], level.time_s[-1])
         return Begin(given)
     rises = {step.level: step for step in reversed(stepset.level_steps) if step.edge == "up" and step.from_level == 0}
     steps = [rises[level] for level in sorted(rises)]
@@ -209,7 +203,7 @@ def _fit_curves(points: AveragedRecord, delays: Sequence[float], law: DelayedLaw
     return p, left + points.within
 
 
-def find_by_cost(levels: Sequence[Level], law: DelayedLaw, white: bool = True) -> Begin | None:
+def find_by_cost(levels: Sequence[Level], law: DelayedLaw, white: bool) -> Begin | None:
     """The dead time behind which a law leaves least of the levels' mean curves, or one exponential that leaves no more;
     None where they leave more than `white` noise, if that is asked for: a rise that began before its input has lost its
     begin, and the whole curve tells more whatever its noise is."""

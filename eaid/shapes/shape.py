@@ -47,6 +47,7 @@ LOOKED_AT = 300_000  # Half of the values of the curve that are worked out to fi
 DELAY_ROUNDS = 20  # Pairs of samples between which a dead time is fitted, at most
 STEP_ROUNDING = 1e-16  # Of a sum of squares, as a part of that of the output
 WHITE = 0.5  # Part of the samples that is independent where a curve leaves nothing but noise
+LONGEST_DELAY_PART = 0.9  # Part of a record that a dead time may take
 LEAST_SHARE = 0.01  # Least C of a free shape, and least 1 − C
 
 
@@ -73,11 +74,7 @@ class _Candidate:
 def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     """The shape of one step, with a finding where it explains little; `UsageError`: a dead time beyond its record."""
     options = options or FitOptions()
-    if (options.held_dead_time_s or 0.0) >= 0.9 * step.time_s[-1]:
-        raise UsageError(
-            f"«dead_time» {options.held_dead_time_s:g} s: the step of {step.name} is recorded for "
-            f"{step.time_s[-1]:.3g} s; give a shorter one"
-        )
+    refuse_longer(options.held_dead_time_s or 0.0, step.name, step.time_s[-1])
     y = step.output - step.start
     points = average_record(step.time_s, y)
     wanted = SHAPES if options.shape == "auto" else (options.shape,)
@@ -100,13 +97,21 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     return _describe(step, chosen.shape, p, scores, y, None if others is None else math.sqrt(others / len(y)))
 
 
+def refuse_longer(given_s: float, name: str, record_s: float) -> None:
+    """Refuse a dead time beyond the record of a step."""
+    if given_s >= LONGEST_DELAY_PART * record_s:
+        raise UsageError(
+            f"«dead_time» {given_s:g} s: the step of {name} is recorded for {record_s:.3g} s; give a shorter one"
+        )
+
+
 def _candidates(
     points: AveragedRecord,
     step: LevelStep,
     options: FitOptions,
     wanted: Sequence[str],
     dead: bool,
-    simpler: Sequence[_Candidate] = (),
+    simpler: Sequence[_Candidate],
 ) -> list[_Candidate]:
     """Every shape wanted, fitted from the best places of a grid, and never worse than a `simpler` one it contains."""
     window = float(step.time_s[-1])
@@ -149,7 +154,7 @@ def _polish(
     """
     p, sse = solve_least(points, start, shape, free, settled)
     middle, reach = 0.5 * (points.time_s[1:] + points.time_s[:-1]), max(2, LOOKED_AT // len(points.time_s))
-    middle = middle[middle < 0.9 * points.time_s[-1]]
+    middle = middle[middle < LONGEST_DELAY_PART * points.time_s[-1]]
     for _ in range(DELAY_ROUNDS):
         moved = p.copy()
         if 4 in free:

@@ -121,13 +121,12 @@ def test_a_release_of_its_own_does_not_bend_the_levels_of_the_friction_model() -
 def test_falls_and_hysteresis_that_are_in_the_data() -> None:
     """A kernel of its own made these: falls between levels 1.6 times slower, 3 % more torque after falls."""
     from eaid.estimate.forms import nonlinear
-    from eaid.recorded.few_rows import Copies
     from eaid.recorded.from_logs import Setup
 
     log = random_log(4, 240.0, rest_s=0.0)
     levels = np.linspace(10, 100, 10)
     one = nonlinear(levels, 0.85)
-    drive = Copies(replace(log, output=np.zeros_like(log.output))).every
+    drive = replace(log, output=np.zeros_like(log.output)).drive
     x = np.concatenate([one.unknowns(REFERENCE_PLANT), [1.6, 1.6, 0.03, 0.0]])
     clean = Setup(one, (drive,), ("fall", "excess")).jacobian(x, 0)[1]
     noisy = clean * (1 + 0.002 * np.random.default_rng(1).standard_normal(len(clean)))
@@ -162,7 +161,7 @@ def test_a_loops_law_is_found() -> None:
     run = synthesise_excitation(clutch(), LOOP, NOISE, 3)[0]
     law = law_behind(recorded_log(run))
     assert law is not None
-    assert (pytest.approx(21.0, rel=1e-6), pytest.approx(360.0, rel=1e-6)) == (law.gains.K_P, law.gains.K_I)
+    assert (pytest.approx(21.0, rel=1e-6), pytest.approx(360.0, rel=1e-6)) == (law[0].K_P, law[0].K_I)
     fit = fit_recorded([run], replace(PLAIN, duty=(10.0, 100.0)))
     assert fit.recorded is not None
     (loop,) = fit.recorded.loops

@@ -66,7 +66,7 @@ def test_derivatives_are_those_of_complex_steps(kind: str, moving: bool) -> None
         "linear": forms.linear(levels),
         "friction": forms.friction(levels, 0.85),
     }[kind]
-    drive = Copies(log).every
+    drive = log.drive
     setup = Setup(one, (drive,), ("rest", "fall", "excess"))
     if kind in ("nonlinear", "free"):
         x0 = np.append(forms.nonlinear(levels, 0.85).unknowns(REFERENCE_PLANT), [0.8] * (kind == "free"))
@@ -103,7 +103,7 @@ def test_the_model_moves_as_the_replays_plant_does() -> None:
         expected.append(x1 + x2)
         x1, x2 = plant_step(plant, x1, x2, float(u), float(dt))
     one = forms.nonlinear(np.array([10.0, 35.0, 60.0, 100.0]), 0.85)
-    drive = Copies(log).every
+    drive = log.drive
     x = np.append(one.unknowns(REFERENCE_PLANT), [0.4, 6.0, 0.0, 0.0, 0.0])  # the release, idle output, both states
     found = Setup(one, (drive,), ("rest",)).jacobian(x, 0)[1] + drive.y
     np.testing.assert_allclose(found, expected, rtol=1e-11, atol=1e-12)
@@ -119,9 +119,9 @@ def test_a_coarse_copy_costs_what_the_log_costs_but_for_a_constant(moving: bool)
     log = RecordedLog("log", np.arange(n) / 1000, duty, np.zeros(n), baseline=0.0, idle_start=True)
     one = forms.nonlinear(np.array([10.0, 40.0, 70.0, 100.0]), 0.85)
     x = one.unknowns(REFERENCE_PLANT)
-    clean = Setup(one, (Copies(log).every,)).jacobian(x, 0)[1]
+    clean = Setup(one, (log.drive,)).jacobian(x, 0)[1]
     log = RecordedLog("log", log.time_s, duty, clean + draw.normal(0, 0.05, n), baseline=0.0, idle_start=True)
-    whole = Setup(one, (Copies(log).every,))
+    whole = Setup(one, (log.drive,))
     copy, rel = Copies(log).small, 0.02 if moving else 1e-7
     assert len(copy.dt_s) < n / 4
     assert copy.w.sum() == pytest.approx(n)
