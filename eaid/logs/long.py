@@ -27,9 +27,9 @@ class OneRun(NamedTuple):
     table: LogTable
 
 
-def runs_in(source: str, tables: Sequence[LogTable], options: ReadOptions) -> list[OneRun]:
+def runs_in(tables: Sequence[LogTable], options: ReadOptions) -> list[OneRun]:
     """The runs of a long table; none of a table of one log."""
-    table, roles = chosen_table(source, tables, options)
+    table, roles = chosen_table(tables, options)
     keys = [column for column in range(len(table.columns)) if column not in roles.taken][:MOST_KEYS]
     if roles.time is None or not keys:
         return []

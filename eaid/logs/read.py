@@ -5,7 +5,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,6 @@ from eaid.logs.formats import ForeignReader, format_of, unread
 from eaid.logs.long import runs_in
 from eaid.logs.run import Run, numbered
 from eaid.logs.table import Cells, LogTable, seconds
-from eaid.logs.text import read_text
 from eaid.logs.to_run import run_of
 from eaid.logs.units import split_name
 from eaid.options import Columns, ReadOptions
@@ -110,33 +109,31 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
     name = path.name
     for ending in (*LOG_ENDINGS, ".txt", ".h5", ".hdf5", ".xlsx"):
         name = name[: -len(ending)] if name.lower().endswith(ending) else name
-    if not form.reader:
-        return _runs_of(name or path.name, source, sha256, read_text(path, source), options, path.name)
-    with foreign.alone:
-        from eaid.logs.dataset import read_dataset  # HDF5 takes long to load, and text needs none
-
+    with foreign.alone if form.reader else nullcontext():
         sealed = form.name == "HDF5" and is_as_written(path) is not None
         tables = [] if sealed else foreign.tables(form, path, source)
         if not tables:
+            from eaid.logs.dataset import read_dataset  # HDF5 takes long to load, and text needs none
+
             return read_dataset(path, source, sha256, options.repair)
-        return _runs_of(name or path.name, source, sha256, tables, options, path.name)
+        return _runs_of(name or path.name, sha256, tables, options, path.name)
 
 
 def _runs_of(
-    name: str, source: str, sha256: str, tables: Sequence[LogTable], options: ReadOptions, file: str
+    name: str, sha256: str, tables: Sequence[LogTable], options: ReadOptions, file: str
 ) -> tuple[list[Run], list[str]]:
     """The run of a file's tables, or the runs of a long one and what is wrong with the others."""
     try:
-        return [run_of(name, source, sha256, tables, options, file)], []
+        return [run_of(name, sha256, tables, options, file)], []
     except DataError:
-        if not (parts := runs_in(source, tables, options)):
+        if not (parts := runs_in(tables, options)):
             raise
     runs, faults = list[Run](), list[str]()
     for column, value, table in parts:
         label = f"{name}-{column}{value:g}"
         digest = hashlib.sha256(f"{sha256} {label}".encode()).hexdigest()
         try:
-            run = run_of(label, source, digest, [table], options, file)
+            run = run_of(label, digest, [table], options, file)
         except DataError as fault:
             faults.extend(fault.sentences)
             continue
@@ -208,7 +205,7 @@ def runs_from_frames(frames: "pandas.DataFrame | Mapping[str, pandas.DataFrame]"
             digest = hashlib.sha256(repr((table.columns, table.units)).encode())
             for values in table.load(range(len(table.columns))).values:
                 digest.update(np.ascontiguousarray(values).data)
-            runs.append(run_of(name, name, digest.hexdigest(), [table], options))
+            runs.append(run_of(name, digest.hexdigest(), [table], options))
         except DataError as fault:
             faults.extend(fault.sentences)
     if faults:
@@ -254,7 +251,7 @@ def _table_of(name: str, frame: "pandas.DataFrame") -> LogTable:
     stamped = tuple(i for i, label in enumerate(numbers) if label in units)
     return LogTable(
         "", tuple(numbers), lambda wanted: Cells(tuple(values[i] for i in wanted)), declared, stamped=stamped,
-        dropped=dropped,
+        dropped=dropped, source=name,
     )  # fmt: skip
 
 
