@@ -1,12 +1,14 @@
 """Logs → runs: every file of a call, in any format, or DataFrames, all their faults at once."""
 
 import hashlib
+import itertools
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, nullcontext
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +19,9 @@ from eaid.declared import forms, given_options
 from eaid.errors import DataError, UsageError
 from eaid.files import LOG_ENDINGS, is_as_written, sha256_of
 from eaid.findings import Finding, finding
+from eaid.logs.columns import chosen_table
 from eaid.logs.folders import files_of
 from eaid.logs.formats import ForeignReader, format_of, unread
-from eaid.logs.long import runs_in
 from eaid.logs.run import Run, numbered
 from eaid.logs.table import Cells, LogTable, seconds
 from eaid.logs.to_run import run_of
@@ -32,6 +34,8 @@ PLAIN = ReadOptions()
 OF_COLUMNS = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz")
 UNIT_STEPS = (60.0, 3600.0, 86_400.0, 1e3, 1e6, 1e9)  # Factors between units of time
 SECONDS_ASSUMED = {"unit-assumed", "time-unclear", "time-doubtful", "whole-seconds"}
+FEWEST_RUN_ROWS = 20  # Of a run of a long table on the average: a column that changes more often tells none
+MOST_KEYS = 8  # Columns that are looked at for one that tells runs apart
 RUN = "run"  # What a column is that tells several runs apart, and what one of a DataFrame is called
 
 
@@ -126,7 +130,7 @@ def _runs_of(
     try:
         return [run_of(name, sha256, tables, options, file)], []
     except DataError:
-        if not (parts := runs_in(tables, options)):
+        if not (parts := _parts_of(tables, options)):
             raise
     runs, faults = list[Run](), list[str]()
     for column, value, table in parts:
@@ -140,6 +144,36 @@ def _runs_of(
         left = tuple(one for one in run.left if one != column)
         runs.append(replace(run, taken=(*run.taken, (RUN, column)), left=left))
     return runs, faults
+
+
+def _parts_of(tables: Sequence[LogTable], options: ReadOptions) -> list[tuple[str, float, LogTable]]:
+    """Of a long table, the rows of several runs one below the other: the column that tells the runs apart, what stands
+    there, and the rows, of each run. Its time falls where the next run begins, and some column that is nothing else
+    changes there. None of a table of one log."""
+    table, roles = chosen_table(tables, options)
+    keys = [column for column in range(len(table.columns)) if column not in roles.taken][:MOST_KEYS]
+    if roles.time is None or not keys:
+        return []
+    time, *values = table.load([roles.time, *keys]).values
+    falls = np.flatnonzero(np.diff(time) < 0) + 1
+    for column, key in zip(keys, values, strict=True):
+        begins = np.flatnonzero(np.diff(key) != 0) + 1
+        if len(falls) and np.isin(falls, begins).all() and FEWEST_RUN_ROWS * (len(begins) + 1) <= len(key):
+            whole = replace(table, load=lru_cache(maxsize=8)(table.load))  # each column is read once for all runs
+            ends = itertools.pairwise([0, *begins.tolist(), len(key)])
+            return [(table.label(column), float(key[a]), _rows_of(whole, a, b)) for a, b in ends]
+    return []
+
+
+def _rows_of(table: LogTable, first: int, end: int) -> LogTable:
+    """Some rows of a table as one of their own."""
+
+    def load(wanted: Sequence[int]) -> Cells:
+        cells = table.load(tuple(wanted))
+        bad = tuple(replace(one, row=one.row - first) for one in cells.bad if first <= one.row < end)
+        return Cells(tuple(values[first:end] for values in cells.values), bad, ((0, cells.row(first)),))
+
+    return replace(table, load=load)
 
 
 def named_apart(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
