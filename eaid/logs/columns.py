@@ -13,7 +13,7 @@ from eaid.arrays import median
 from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding, finding
 from eaid.logs.table import LogTable
-from eaid.logs.units import is_linear_speed, split_name, unit_of, words_of
+from eaid.logs.units import LINEAR_SPEED, split_name, unit_of, words_of
 from eaid.options import ExperimentKind, ReadOptions
 from eaid.shown import listed
 
@@ -198,7 +198,7 @@ def _measuring(table: LogTable, group: Group, taken: set[int]) -> list[int]:
     for i in _alike(table.columns, group.names, taken):
         unit = table.unit(i) or split_name(table.columns[i])[1]
         same = unit_of(unit).quantity in ("", "duty", "voltage", "current", unit_of(group.unit).quantity)
-        if (same or not group.unit) and not is_linear_speed(unit) and (table.columns[i].strip() != "v" or unit):
+        if (same or not group.unit) and not LINEAR_SPEED.match(unit) and (table.columns[i].strip() != "v" or unit):
             hits.append(i)
     return hits
 

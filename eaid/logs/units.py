@@ -75,7 +75,7 @@ COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "r
 _BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
 _INDEXED = re.compile(r"\S\[\d+\]$|[\[({]\s*(?:\d\d+|[02-9])\s*[\])}]$")  # ai0[1], Torque (2); `duty [1]` is a unit
 _RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
-_SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
+LINEAR_SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
 _SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
 _CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
 _TIMES_A_NUMBER = re.compile(
@@ -99,11 +99,6 @@ def words_of(name: str) -> frozenset[str]:
     return frozenset(re.findall(r"[a-z0-9]+", spaced.lower()))
 
 
-def is_linear_speed(unit: str) -> bool:
-    """Whether a unit is one as mm/s."""
-    return _SPEED.match(unit) is not None
-
-
 @lru_cache(1024)
 def split_name(name: str) -> tuple[str, str]:
     """A column's bare name and the unit its name carries: `Torque (mNm)` → (`Torque`, `mNm`); unit empty where none."""
@@ -114,7 +109,7 @@ def split_name(name: str) -> tuple[str, str]:
     for written in (_RATE, _SUFFIX):  # speed_rad/s is no speed_rad in s
         match = written.match(name)
         known = match and unit_of(match.group(2)).quantity and match.group(2) not in ("1", "-")
-        if match and match.group(1) and (known or _SPEED.match(match.group(2))):
+        if match and match.group(1) and (known or LINEAR_SPEED.match(match.group(2))):
             return match.group(1).strip(" _/."), match.group(2)
     match = _CAMEL.match(name)  # TorqueMnm, dutyPct, ForceN
     if match:
