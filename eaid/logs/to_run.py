@@ -77,7 +77,7 @@ def run_of(name: str, sha256: str, tables: Sequence[LogTable], options: ReadOpti
     table, roles = chosen_table(tables, options)
     source, clock, units = table.source, _clock(table, roles, options), options.units
     level, repeat = level_and_repeat(source, options.name_pattern, file or name)
-    if level is None:  # which the name of its folder may tell
+    if level is None and options.name_pattern is not None:  # which the name of its folder may tell
         folder = Path(source).resolve().parent.name
         level, repeat = level_and_repeat(source, options.name_pattern, f"{folder}-{file or name}")
     kind, which = _input_of(table, roles)
