@@ -37,8 +37,8 @@ Outcome = tuple[dict[str, Record], dict[str, Any], list[Finding]]
 
 def simulate(
     fit: Fit,
-    gains: Gains | None = None,
-    options: SimulateOptions = SimulateOptions(),  # noqa: B008 - frozen
+    gains: Gains | None,
+    options: SimulateOptions,
     reference: Any = None,
     runs: Sequence[Run] | None = None,
     progress: Progress = no_progress,
@@ -131,7 +131,7 @@ def _rehabilitated(
 
 def _tracked(
     fit: Fit, gains: Gains | None, plant: PlantNumbers, controllers: Sequence[Controller], wanted: Reference,
-    rig: RigExtras, options: SimulateOptions, progress: Progress, one_run: bool = False,
+    rig: RigExtras, options: SimulateOptions, progress: Progress, one_run: bool,
 ) -> Outcome:  # fmt: skip
     """Each controller on the reference; and on drawn plants, of a mean run or of `one_run` that scatters beside it."""
     seed, records = options.seed, {}
