@@ -21,7 +21,6 @@ from eaid.logs.formats import ForeignReader, format_of
 from eaid.logs.names import agreeing, level_and_repeat, named_like, pattern_guessed, several_factors, unit_beside
 from eaid.logs.read import columns_told, read_like, read_what_can_be
 from eaid.logs.run import Run
-from eaid.logs.text import read_text
 from eaid.logs.to_run import without_switches
 from eaid.logs.units import TIME_FACTORS
 from eaid.options import ReadOptions, typed
@@ -122,8 +121,7 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
 def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:
     """Columns guessed of a log's first table; none where that cannot be had."""
     with contextlib.suppress(DataError), contextlib.closing(ForeignReader()) as foreign, file.open("rb") as opened:
-        form = format_of(opened.read(4096))
-        tables = foreign.tables(form, file, str(file)) if form.reader else read_text(file, str(file))
+        tables = foreign.tables(format_of(opened.read(4096)), file, str(file))
         return columns_guessed(tables[0], options)
     return {}
 

@@ -25,8 +25,12 @@ from eaid.version import __version__
 GO_ON, RESET, BUMPLESS = 0, 1, 2  # What comes before a row's step: nothing, a reset, a bumpless start
 CASE_ROWS = 60  # Rows of the longest case
 TONES_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)  # Of the multisine
-REFERENCES: dict[str, Any] = {"pi": reference.PI, "rc": reference.RC, "inverse": reference.Inverse}
-Check = tuple[str, int, float, float, float, float]
+REFERENCES: dict[str, Any] = {
+    "pi": reference.PI, "rc": reference.RC, "inverse": reference.Inverse, "plant": reference.Plant,
+    "rate": reference.Rate,
+}  # fmt: skip
+OF_ONE = ("plant", "rate")  # Whose step takes one number
+Check = tuple[str, int, float, float, float, float]  # Case, what comes before, and the numbers of a `Vector`
 
 
 @dataclass(frozen=True)
@@ -99,33 +103,23 @@ class Vector(NamedTuple):
 def vectors(constants: Mapping[str, Entries], top: float, rig: RigInfo) -> Iterator[Vector]:
     """All rows of all laws; `top` is the largest torque of the rig [output unit]."""
     series = rounded(SERIES[rig.precision], rig.precision)
-    nothing = rounded(0.0, rig.precision)
     for law, entries in constants.items():
         c = namespace(entries, series)
+        acting = REFERENCES[law](c)
         if law == "plant":
-            plant = reference.Plant(c)
-            for case, before, duty in _duties(float(c.u_high), plant.delay):
-                held = rounded(duty, rig.precision)
-                torque = rounded(plant.step(held), rig.precision)
-                yield Vector(law, case, before, held, nothing, nothing, nothing, torque, plant.status)
+            rows = _duties(float(c.u_high), len(acting.held))
         elif law == "rate":
-            rate = reference.Rate(c)
-            for k in range(CASE_ROWS):
-                number = top * (0.2 + 0.1 * math.sin(0.3 * k)) + (0.5 if k >= 45 else 0.0)
-                wanted = rounded(math.nan if k == CASE_ROWS // 2 else number, rig.precision)
-                slope = rounded(rate.step(wanted), rig.precision)
-                before = RESET if k == 0 else GO_ON
-                yield Vector(law, "rate", before, wanted, nothing, nothing, nothing, slope, 0)
+            rows = _wanted(top)
         else:
-            controller = REFERENCES[law](c)
-            for case, before, *numbers in _checks(top, float(c.dt), float(c.duty_min), float(c.duty_max)):
-                wanted, slope, torque, duty = (rounded(number, rig.precision) for number in numbers)
-                if before == RESET:
-                    controller.reset()
-                elif before == BUMPLESS:
-                    controller.start(wanted, slope, torque, duty)
-                given = controller.step(wanted, slope, torque)
-                yield Vector(law, case, before, wanted, slope, torque, duty, given, controller.status)
+            rows = _checks(top, float(c.dt), float(c.duty_min), float(c.duty_max))
+        for case, before, *numbers in rows:
+            wanted, slope, torque, duty = (rounded(number, rig.precision) for number in numbers)
+            if before == RESET:
+                acting.reset()
+            elif before == BUMPLESS:
+                acting.start(wanted, slope, torque, duty)
+            given = acting.step(wanted) if law in OF_ONE else acting.step(wanted, slope, torque)
+            yield Vector(law, case, before, wanted, slope, torque, duty, rounded(given, rig.precision), acting.status)
 
 
 def _checks(top: float, dt: float, low: float, high: float) -> Iterator[Check]:
@@ -156,11 +150,18 @@ def _checks(top: float, dt: float, low: float, high: float) -> Iterator[Check]:
         yield "switch", before, 0.3 * top, 0.1 * top, 0.29 * top + 1e-3 * k, duty
 
 
-def _duties(high: float, delay: int) -> Iterator[tuple[str, int, float]]:
+def _duties(high: float, held: int) -> Iterator[Check]:
     for k in range(2 * CASE_ROWS):
-        yield "steps", RESET if k == 0 else GO_ON, high * (0.0, 1.0, 0.3, 0.05, 0.0, 1.5, -0.2, 0.6)[k * 4 // CASE_ROWS]
-    for duty in (math.nan, 0.5 * high, math.inf, *[0.5 * high] * (delay + 1)):
-        yield "bad-input", GO_ON, duty
+        duty = high * (0.0, 1.0, 0.3, 0.05, 0.0, 1.5, -0.2, 0.6)[k * 4 // CASE_ROWS]
+        yield "steps", RESET if k == 0 else GO_ON, duty, 0.0, 0.0, 0.0
+    for duty in (math.nan, 0.5 * high, math.inf, *[0.5 * high] * held):
+        yield "bad-input", GO_ON, duty, 0.0, 0.0, 0.0
+
+
+def _wanted(top: float) -> Iterator[Check]:
+    for k in range(CASE_ROWS):
+        wanted = top * (0.2 + 0.1 * math.sin(0.3 * k)) + (0.5 if k >= 45 else 0.0)
+        yield "rate", RESET if k == 0 else GO_ON, math.nan if k == CASE_ROWS // 2 else wanted, 0.0, 0.0, 0.0
 
 
 @dataclass(frozen=True)

@@ -65,8 +65,8 @@ def added(value: float, carry: float, change: float) -> tuple[float, float]:
     return total, (total - value) - y
 
 
-class Controller:
-    """What all controllers share: each reading is watched."""
+class Sampled:
+    """What all that goes from sample to sample shares: each reading is watched."""
 
     def __init__(self, c: Any) -> None:
         self.c = c
@@ -82,7 +82,7 @@ class Controller:
         return self.status == 0
 
 
-class Integral(Controller):
+class Integral(Sampled):
     """A law with the integral of the error, and what rounding left out of it."""
 
     integral: Number
@@ -202,21 +202,19 @@ def swing_change(c: Any, part: str, x1: Number, x2: Number, duty: Number) -> tup
     return m11 * away + m12 * x2, m21 * away + m22 * x2
 
 
-class Plant:
+class Plant(Sampled):
     """The plant: its two states, what rounding left out of them, and the duties that are on their way."""
 
-    def __init__(self, c: Any) -> None:
-        self.c = c
+    def reset(self) -> None:
+        """At rest again."""
+        super().reset()
         self.x1 = self.x2 = self.carry1 = self.carry2 = 0.0
-        self.status = 0
-        self.delay = getattr(c, "delay", 0)
-        self.held = [0.0] * (self.delay + 1)
+        self.held = [0.0] * (getattr(self.c, "delay", 0) + 1)
 
     def step(self, duty: Number) -> Number:
         """The torque after one sample of a held duty; a duty that is no number counts as 0, and is told."""
-        self.status = 0 if good(duty) else BAD_INPUT
         before = self.held[0]
-        self.held = [*self.held[1:], duty if good(duty) else 0.0]
+        self.held = [*self.held[1:], duty if self.acts(duty) else 0.0]
         if getattr(self.c, "dt_before", 0.0) > 0.0:
             self.move("before", before)
         self.move("after", self.held[0])
@@ -232,7 +230,7 @@ class Plant:
         self.x2, self.carry2 = added(self.x2, self.carry2, change2)
 
 
-class Inverse(Controller):
+class Inverse(Sampled):
     """The model inverted: an observer of its two states and of what it lacks, and the duty played last."""
 
     def reset(self) -> None:
@@ -303,12 +301,13 @@ class Inverse(Controller):
         return b
 
 
-class Rate:
+class Rate(Sampled):
     """The slope of the reference by a filtered difference, r ← memory r + gain (x − x before)."""
 
-    def __init__(self, c: Any) -> None:
-        self.c = c
-        self.before: Number = None  # Nothing seen yet: the first reference has no slope
+    def reset(self) -> None:
+        """Nothing seen yet: the first reference has no slope."""
+        super().reset()
+        self.before: Number = None
         self.rate = 0.0
 
     def step(self, reference: Number) -> Number:

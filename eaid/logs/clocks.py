@@ -59,32 +59,32 @@ def _clock_of(column: str, raw: NDArray[Any], factor: float) -> Clock:
     return Clock(column, (raw - raw[0]) * factor if len(raw) else raw, factor)
 
 
-def _other_clocks(path: str, table: LogTable, taken: Collection[int | None]) -> list[Clock]:
+def _other_clocks(table: LogTable, taken: Collection[int | None]) -> list[Clock]:
     """The columns, besides those that are taken, that say a time and its unit."""
     clocks = []
     for column, name in enumerate(table.columns):
         if column not in taken and len(name) != 1:  # s may be a stroke, h a height
             with contextlib.suppress(DataError):
-                if factor := _time_unit(path, None, table, column)[1]:
+                if factor := _time_unit(table, column, None)[1]:
                     clocks.append(_clock_of(table.label(column), table.load([column]).values[0], factor))
     return clocks
 
 
 def unit_of_time(
-    source: str, table: LogTable, roles: Roles, clock: int | None, raw: NDArray[Any], options: ReadOptions
+    table: LogTable, roles: Roles, clock: int | None, raw: NDArray[Any], options: ReadOptions
 ) -> tuple[float | None, float | None]:
     """Seconds in one unit of the time, as the user says, and as its column does; DataError where another contradicts
     it and the user says nothing."""
     if clock is None:
         return None if options.rate_hz is None else 1.0 / options.rate_hz, None
-    by_user, by_column = _time_unit(source, options.units.get("time"), table, clock)
+    by_user, by_column = _time_unit(table, clock, options.units.get("time"))
     if clock in table.stamped:
         return by_user, by_column
     own = _clock_of(table.label(clock), raw, by_column or 1.0)
-    others = [one for one in _other_clocks(source, table, roles.taken) if len(one.time_s) == len(raw)]
+    others = [one for one in _other_clocks(table, roles.taken) if len(one.time_s) == len(raw)]
     other = next((one for one in others if not _agree(own, one)), None)
     if other is not None and by_user is None:
-        raise _clocks_contradict(source, own, other)
+        raise _clocks_contradict(table, own, other)
     return by_user, by_column if other is None else None  # its header is wrong, or the user knows better
 
 
@@ -103,20 +103,20 @@ def _agree(one: Clock, other: Clock) -> bool:
     return bool(median(np.abs(a - b) - CLOCKS_OFF * np.maximum(a, b)) <= 2 * finest)
 
 
-def _clocks_contradict(path: str, time: Clock, other: Clock) -> DataError:
+def _clocks_contradict(table: LogTable, time: Clock, other: Clock) -> DataError:
     """That two columns of time contradict each other, and what to do."""
     a, b = (float(np.nanmax(one.time_s)) for one in (time, other))
     counts = time.factor * b / a  # seconds in one unit of the first, if the second is right
     likely = next((unit for unit, size in TIME_FACTORS.items() if abs(math.log(counts / size)) < CLOCKS_OFF), "")
     own = next((unit for unit, size in TIME_FACTORS.items() if math.isclose(size, time.factor)), "s")
     other_right = f"«units» time={likely}" if likely else f'«columns» time="{other.column}" «units» time=UNIT'
-    return DataError(
-        f"{path}: two columns of time contradict each other: by {time.column} the log takes {a:.4g} s, by "
+    return table.fault(
+        f"two columns of time contradict each other: by {time.column} the log takes {a:.4g} s, by "
         f"{other.column} {b:.4g} s; say {other_right} if the second is right, «units» time={own} if the first is"
     )
 
 
-def _time_unit(path: str, given: str | None, table: LogTable, column: int) -> tuple[float | None, float | None]:
+def _time_unit(table: LogTable, column: int, given: str | None) -> tuple[float | None, float | None]:
     """Seconds in one unit of a time column, as the user says, and as its file or its name does; None where not."""
     by_user = None
     if given is not None:
@@ -126,20 +126,20 @@ def _time_unit(path: str, given: str | None, table: LogTable, column: int) -> tu
         by_user = known.factor if known.quantity else 1.0 / divisor("time", given)
     name = table.columns[column]
     bare = split_name(name)[0]
-    text = declared_unit(path, "time", given, table, column)
+    text = declared_unit(table, column, "time", given)
     known = unit_of(text or (bare if len(bare) > 1 or bare == "s" else ""))
     if known.quantity == "time":
         return by_user, known.factor
     if text and by_user is None:
-        raise DataError(
-            f"{path}: column {name} is in {text}, which is no unit of time that eaid knows; "
+        raise table.fault(
+            f"column {name} is in {text}, which is no unit of time that eaid knows; "
             f"say it with «units» time=UNIT ({TIME_UNITS})"
         )
     return by_user, None
 
 
 def seconds_since_start(
-    path: str, column: str, raw: NDArray[Any], by_user: float | None, by_column: float | None
+    table: LogTable, column: str, raw: NDArray[Any], by_user: float | None, by_column: float | None
 ) -> tuple[Array, float, tuple[Finding, ...]]:
     """Time since the first sample [s], shape (n,), the clock there [s], and its warnings.
 
@@ -156,37 +156,37 @@ def seconds_since_start(
     long = by_column == 1.0 and usual >= 1.0 and gone[-1] > WHOLE_S and _is_whole(gone)
     if by_user is not None:
         if by_column is not None and not (refuted or too_fast or long) and not math.isclose(by_user, by_column):
-            raise DataError(
-                f"{path}: column {column} says its unit, «units» time=UNIT another; leave it out, or mend the name"
+            raise table.fault(
+                f"column {column} says its unit, «units» time=UNIT another; leave it out, or mend the name"
             )
     elif refuted:
-        raise DataError(
-            f"{path}: column {column} says its unit, but its first stamp, {float(first):.10g}, counts {counts}; "
+        raise table.fault(
+            f"column {column} says its unit, but its first stamp, {float(first):.10g}, counts {counts}; "
             f"say which with «units» time=UNIT"
         )
     elif long:
-        findings.append(finding("whole-seconds", path, column=column, usual_s=usual, span_s=float(gone[-1])))
+        findings.append(finding("whole-seconds", "time", column=column, usual_s=usual, span_s=float(gone[-1])))
     elif too_fast:
-        findings.append(_unclear(path, column, usual, float(gone[-1]), "d", factor))
+        findings.append(_unclear(column, usual, float(gone[-1]), "d", factor))
     elif by_column is None:
         if numbers_samples(column) and usual == 1.0:
-            raise DataError(
-                f"{path}: column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
+            raise table.fault(
+                f"column {column} numbers the samples and is no time; give their rate with «rate_hz» HZ and "
                 f"name no time column, or say «units» time=/1000 for 1000 samples a second"
             )
         late = np.flatnonzero(np.diff(raw) >= 40)  # times of day as numbers, 161859.9 and then 161900.0
         ends, begins = raw[late] % 100, raw[late + 1] % 100
         if len(late) and float(raw[-1]) < 240_000 and bool(((ends >= 59) & (ends < 60) & (begins < 1)).all()):
-            raise DataError(
-                f"{path}: column {column} holds times of day as numbers, {raw[late[0]]:.10g} and then "
+            raise table.fault(
+                f"column {column} holds times of day as numbers, {raw[late[0]]:.10g} and then "
                 f"{raw[late[0] + 1]:.10g}; save it as 16:18:59.9, or in seconds"
             )
         if counts and usual / per_s <= SLOWEST_CLOCK_S:
             factor = 1.0 / per_s
             if per_s != 1:
-                findings.append(finding("time-since-a-day", path, column=column, counts=counts))
+                findings.append(finding("time-since-a-day", "time", column=column, counts=counts))
         else:
-            findings.append(_of_seconds(path, column, gone, usual))
+            findings.append(_of_seconds(column, gone, usual))
     return read_only(gone if factor == 1.0 else gone * factor), float(first) * factor, tuple(findings)
 
 
@@ -200,7 +200,7 @@ def _is_round(rate_hz: float) -> bool:
     return any(math.isclose(first, one, rel_tol=2e-3) for one in (1, 2, 2.5, 4, 5))
 
 
-def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
+def _of_seconds(column: str, gone: Array, usual: float) -> Finding:
     """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
     span, too_fast = float(gone[-1]), 0 < usual < 1.0 / FASTEST_HZ
     whole = usual >= 1.0 and _is_whole(gone)
@@ -214,18 +214,18 @@ def _of_seconds(path: str, column: str, gone: Array, usual: float) -> Finding:
     finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_LOG_S) * TIME_FACTORS[one] <= 1)
     likely = min(("min", "h", "d"), key=off) if brief or too_fast else next(finer, "ns")
     if too_fast or (span > LONGEST_LOG_S and (whole or usual > SLOWEST_CLOCK_S)):
-        return _unclear(path, column, usual, span, likely)
+        return _unclear(column, usual, span, likely)
     if whole or brief:
-        return finding("time-doubtful", path, column=column, usual_s=usual, span_s=span, likely=likely)
-    return finding("unit-assumed", path, role="time", column=column, unit="s")
+        return finding("time-doubtful", "time", column=column, usual_s=usual, span_s=span, likely=likely)
+    return finding("unit-assumed", "time", role="time", column=column, unit="s")
 
 
-def _unclear(path: str, column: str, usual: float, span: float, likely: str, factor: float = 1.0) -> Finding:
+def _unclear(column: str, usual: float, span: float, likely: str, factor: float = 1.0) -> Finding:
     """The question which unit a clock counts: the one that is likely, or that of its header, in the end seconds."""
     own = next(unit for unit, size in TIME_FACTORS.items() if math.isclose(size, factor))
     likely_s, own_s = span * TIME_FACTORS[likely], span * factor
     return finding(
-        "time-unclear", path, column=column, usual=usual, span=span, likely=likely, own=own, likely_s=likely_s,
+        "time-unclear", "time", column=column, usual=usual, span=span, likely=likely, own=own, likely_s=likely_s,
         own_s=own_s,
     )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 import contextlib
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from eaid.arrays import median
 from eaid.errors import DataError, UsageError, meant
 from eaid.findings import Finding, finding
 from eaid.logs.table import LogTable
-from eaid.logs.units import is_linear_speed, split_name, unit_of, words_of
+from eaid.logs.units import LINEAR_SPEED, split_name, unit_of, words_of
 from eaid.options import ExperimentKind, ReadOptions
 from eaid.shown import listed
 
@@ -112,7 +112,7 @@ def _dropped(table: LogTable) -> str:
     return f"; without numbers: {listed(table.dropped, 6)}" if table.dropped else ""
 
 
-def _named_column(path: str, role: str, given: str, table: LogTable) -> int:
+def _named_column(table: LogTable, role: str, given: str) -> int:
     """Column that the user names: exactly, then whatever the case, then without its unit, then by its number.
 
     `u[2]` is the second column of the matrix u.
@@ -125,33 +125,34 @@ def _named_column(path: str, role: str, given: str, table: LogTable) -> int:
     place = re.fullmatch(r"(?:(.+)\[)?(\d+)\]?", given)
     if place and place[1] in (None, table.name) and 1 <= int(place[2]) <= len(names):
         return int(place[2]) - 1
-    raise DataError(
-        f"{path}: has no column {given} for «columns» {role}={given}; its columns are {as_list(names)} "
+    raise table.fault(
+        f"has no column {given} for «columns» {role}={given}; its columns are {as_list(names)} "
         f"(a number counts them from 1){meant(given, names)}"
     )
 
 
-def _only(path: str, role: str, hits: Sequence[int], names: Sequence[str]) -> int | None:
+def _only(table: LogTable, role: str, hits: Sequence[int]) -> int | None:
     """The only column there is; None where there is none; raises DataError where there are several."""
+    names = table.columns
     if len(hits) > 1:
         first = names[hits[0]] if names.count(names[hits[0]]) == 1 else ""
-        raise DataError(
-            f"{path}: several columns may be the {role} ({as_list([names[i] for i in hits])}); "
+        raise table.fault(
+            f"several columns may be the {role} ({as_list([names[i] for i in hits])}); "
             f'say which with «columns» {role}="{first or hits[0] + 1}"'
         )
     return hits[0] if hits else None
 
 
-def match_columns(path: str, table: LogTable, options: ReadOptions) -> Roles:
+def match_columns(table: LogTable, options: ReadOptions) -> Roles:
     """Roles of a table's columns; raises DataError where the output, or the time, cannot be told."""
     names = table.columns
-    named = {role: _named_column(path, role, name, table) for role, name in options.columns.items()}
+    named = {role: _named_column(table, role, name) for role, name in options.columns.items()}
     for role, other in ((a, b) for a in named for b in named if a < b and named[a] == named[b]):
         raise UsageError(f"«columns»: {role} and {other} are the same column, {table.label(named[role])}")
-    time = named["time"] if "time" in named else _time(path, table, set(named.values()))
+    time = named["time"] if "time" in named else _time(table, set(named.values()))
     if time is None and options.rate_hz is None:
-        raise DataError(
-            f"{path}: no column is called time (columns: {as_list(names)}{_dropped(table)}); name it with «columns» "
+        raise table.fault(
+            f"no column is called time (columns: {as_list(names)}{_dropped(table)}); name it with «columns» "
             f"time=NAME, or give «rate_hz» HZ where the log has none"
         )
     taken = {*named.values(), *([time] if time is not None else [])}
@@ -160,7 +161,7 @@ def match_columns(path: str, table: LogTable, options: ReadOptions) -> Roles:
     of_torque = [i for i in references if words_of(split_name(names[i])[0]) & torque or _bare(names[i])[:3] == "ref"]
     reference = named.get("reference", of_torque[0] if len(of_torque) == 1 else None)
     taken |= set(of_torque)
-    output = named["output"] if "output" in named else _output_column(path, table, taken, references)
+    output = named["output"] if "output" in named else _output_column(table, taken, references)
 
     taken |= {output}
     quantity = [unit_of(split_name(name)[1]).quantity for name in names]
@@ -171,24 +172,22 @@ def match_columns(path: str, table: LogTable, options: ReadOptions) -> Roles:
         kind = options.kind or (of_input if slips(names[output], unit) else "clutch")
         inputs = [(kind, named["input"])]
     else:
-        inputs = _inputs(path, table, taken | set(alike), options.kind)
+        inputs = _inputs(table, taken | set(alike), options.kind)
         driven = not {"reference", "position"} & named.keys() and quantity[output] in ("duty", "voltage", "current")
         if not inputs and driven:  # a sensor's volts beside those of a command
-            inputs = _inputs(path, table, taken, options.kind)
+            inputs = _inputs(table, taken, options.kind)
             alike = [i for i in alike if i not in {column for _, column in inputs}]
     if reference is None and len(alike) == 1:  # a reference in the output's own unit: no input
         reference = alike[0]
     return Roles(time, tuple(inputs), output, reference, named.get("position"))
 
 
-def _inputs(
-    path: str, table: LogTable, taken: set[int], wanted: ExperimentKind | None
-) -> list[tuple[ExperimentKind, int]]:
+def _inputs(table: LogTable, taken: set[int], wanted: ExperimentKind | None) -> list[tuple[ExperimentKind, int]]:
     """What may be the input of each kind of experiment, or of the one that is wanted; at most one a kind."""
     inputs: list[tuple[ExperimentKind, int]] = []
     for kind, groups in INPUT_GROUPS.items():
         which = next((hit for group in groups if (hit := _measuring(table, group, taken))), [])
-        if wanted in (None, kind) and (column := _only(path, "input", which, table.columns)) is not None:
+        if wanted in (None, kind) and (column := _only(table, "input", which)) is not None:
             inputs.append((kind, column))
     return inputs
 
@@ -199,12 +198,12 @@ def _measuring(table: LogTable, group: Group, taken: set[int]) -> list[int]:
     for i in _alike(table.columns, group.names, taken):
         unit = table.unit(i) or split_name(table.columns[i])[1]
         same = unit_of(unit).quantity in ("", "duty", "voltage", "current", unit_of(group.unit).quantity)
-        if (same or not group.unit) and not is_linear_speed(unit) and (table.columns[i].strip() != "v" or unit):
+        if (same or not group.unit) and not LINEAR_SPEED.match(unit) and (table.columns[i].strip() != "v" or unit):
             hits.append(i)
     return hits
 
 
-def _time(path: str, table: LogTable, taken: set[int]) -> int | None:
+def _time(table: LogTable, taken: set[int]) -> int | None:
     """The time column: by its format, by its name, else the only one in a unit of time; None where there is none."""
     if table.clock is not None:
         return table.clock
@@ -216,25 +215,25 @@ def _time(path: str, table: LogTable, taken: set[int]) -> int | None:
             clocks = [i for i in clocks if not units[i] or unit_of(units[i]).quantity == "time"]
             if all(_quantity_of(table, i) == "time" for i in clocks):
                 clocks = sorted(clocks, key=lambda i: i in table.stamped)[:1]  # they are compared when they are read
-        if (time := _only(path, "time", clocks, names)) is not None:
+        if (time := _only(table, "time", clocks)) is not None:
             return time
     timed = [i for i in range(len(names)) if i not in taken and _quantity_of(table, i) == "time"]
     return timed[0] if len(timed) == 1 else None
 
 
-def _output_column(path: str, table: LogTable, taken: set[int], references: Sequence[int]) -> int:
+def _output_column(table: LogTable, taken: set[int], references: Sequence[int]) -> int:
     """The output column: by its name, else the only one in a unit of torque; raises DataError where there is none."""
     names = table.columns
     for spelled in (names, [split_name(name)[0].rstrip("0123456789") for name in names]):  # torque1, torque2
         for group in OUTPUTS:
-            if (output := _only(path, "output", _alike(spelled, group.names, taken), names)) is not None:
+            if (output := _only(table, "output", _alike(spelled, group.names, taken))) is not None:
                 return output
     free = [i for i in range(len(names)) if i not in taken]
     turned = [i for i in free if i not in references and _quantity_of(table, i) == "torque"]
-    if (output := _only(path, "output", turned, names)) is not None:
+    if (output := _only(table, "output", turned)) is not None:
         return output
-    raise DataError(
-        f"{path}: no column is called torque, force … (columns: {as_list(names)}{_dropped(table)}); name what "
+    raise table.fault(
+        f"no column is called torque, force … (columns: {as_list(names)}{_dropped(table)}); name what "
         f"was measured with «columns» output=NAME"
     )
 
@@ -243,11 +242,11 @@ def columns_guessed(table: LogTable, options: ReadOptions) -> dict[str, str]:
     """Columns that may be what no name says: the one that rises, the one that steps, the one that does neither."""
     names, known = table.columns, dict[str, int | None]()
     for role, name in options.columns.items():
-        known[role] = _named_column("", role, name, table)
-    if "time" not in known and (clock := _time("", table, set())) is not None:
+        known[role] = _named_column(table, role, name)
+    if "time" not in known and (clock := _time(table, set())) is not None:
         known["time"] = clock
     with contextlib.suppress(DataError):
-        known.setdefault("output", _output_column("", table, set(), ()))
+        known.setdefault("output", _output_column(table, set(), ()))
     free = [i for i in range(min(len(names), 64)) if i not in (*known.values(), *table.stamped)]
     numbers: dict[int, NDArray[Any]] = {}
     for i in free:
@@ -304,47 +303,44 @@ def default_unit(column: str, kind: ExperimentKind | None = None) -> str:
     return next((group.unit for group in groups if _alike([column], group.names, set())), "")
 
 
-def chosen_table(source: str, tables: Sequence[LogTable], options: ReadOptions) -> tuple[LogTable, Roles]:
+def chosen_table(tables: Sequence[LogTable], options: ReadOptions) -> tuple[LogTable, Roles]:
     """The one table that is a log: the one named, else the only one whose columns match."""
     wanted = [table for table in tables if options.variable in (None, table.name)]
     if not wanted:
         names = ", ".join(table.name or "(no name)" for table in tables[:12])
-        raise DataError(f"{source}: holds no table {options.variable} for «variable»; it holds {names}")
+        raise tables[0].fault(f"holds no table {options.variable} for «variable»; it holds {names}")
     good: list[tuple[LogTable, Roles]] = []
     faults: list[DataError] = []
     for table in wanted[: 1 if options.variable is not None else None]:
         match = match_columns if any(table.columns) or "output" in options.columns else by_place
         try:
-            good.append((table, match(source, table, options)))
+            good.append((table, match(table, options)))
         except DataError as fault:
             faults.append(fault)
     if not good:
         if len(faults) == 1:
             raise faults[0]
         held = [f"{one.name or 'table'}: {', '.join(c or '?' for c in one.columns[:8])}" for one in tables[:6]]
-        raise DataError(
-            f"{source}: no table in it has columns of time and output ({'; '.join(held)}); choose with «variable» and "
-            "«columns»"
+        raise tables[0].fault(
+            f"no table in it has columns of time and output ({'; '.join(held)}); choose with «variable» and «columns»"
         )
     full = [pair for pair in good if pair[1].inputs]
     if not full and {options.variable, options.name_pattern} == {None} and "input" not in options.columns:
         words = {word for group in INPUT_GROUPS["clutch"] for word in group.names}
         beside = [name for table in tables if all(table is not one for one, _ in good) for name in table.columns]
         if called := [beside[i] for i in _alike(beside, words, set())]:
-            raise DataError(
-                f"{source}: {as_list(called)} stands in another table, or is of another length, than the output; save "
+            raise tables[0].fault(
+                f"{as_list(called)} stands in another table, or is of another length, than the output; save "
                 f"them on one clock, or say the level with «name_pattern»"
             )
     full = full or good
     if len(full) > 1:
         names = ", ".join(table.name for table, _ in full[:12])
-        raise DataError(
-            f"{source}: holds several tables that may be the log ({names}); choose one with «variable» NAME"
-        )
+        raise tables[0].fault(f"holds several tables that may be the log ({names}); choose one with «variable» NAME")
     return full[0]
 
 
-def by_place(path: str, table: LogTable, options: ReadOptions) -> Roles:
+def by_place(table: LogTable, options: ReadOptions) -> Roles:
     """Columns without names: of two time, output, the first rising all the way; with a rate input, output.
 
     A matrix of three is time, input, output, as QuaRC writes it; a text of three is asked about as one of four.
@@ -358,15 +354,15 @@ def by_place(path: str, table: LogTable, options: ReadOptions) -> Roles:
         roles = (("time", time), ("input", input_), ("output", output))
         inputs = () if input_ is None else ((options.kind or "clutch", input_),)
         order = ", ".join(role for role, at in roles if at is not None)
-        return Roles(time, inputs, output, None, findings=(finding("columns-by-place", path, order=order),))
+        return Roles(time, inputs, output, None, findings=(finding("columns-by-place", table.source, order=order),))
     names = f"columns have {len(table.unmatched)} names, {listed(table.unmatched, 5)}, of which none is taken"
     guessed = {} if options.columns else columns_guessed(table, options)
     if "output" not in guessed:
         guessed = {"time": "1", "input": "2", "output": "3"} if count > 2 else {"time": "1", "output": "2"}
     known = ",".join(f"{role}={column}" for role, column in guessed.items())
     of_time = "«units» time=UNIT where it is not in s" if "time" in guessed else "«rate_hz» HZ where none is the time"
-    raise DataError(
-        f"{path}: its {count} {names if table.unmatched else 'columns have no names'}; say by number, from 1 to "
+    raise table.fault(
+        f"its {count} {names if table.unmatched else 'columns have no names'}; say by number, from 1 to "
         f"{count}, what they are, as in «columns» {known}, and {of_time}"
     )
 
@@ -398,25 +394,3 @@ def moves_in_steps(values: NDArray[Any]) -> bool:
     alone[1:] &= ~moves[:-1]
     alone[:-1] &= ~moves[1:]
     return 1 <= int(moves.sum()) <= max(3, len(kept) // 20) and int(alone.sum()) >= 0.8 * int(moves.sum())
-
-
-def the_input(
-    path: str, roles: Roles, column: Callable[[int], NDArray[Any]]
-) -> tuple[ExperimentKind | None, int | None]:
-    """The input among the columns that may be it: the one that moves, where the names leave a choice."""
-    if not roles.inputs:
-        return None, None
-    first = roles.inputs[0]
-    # a duty that moves is it, beside whatever speed and force
-    if len(roles.inputs) == 1 or (first[0] == "clutch" and _moves(column(first[1]))):
-        return first
-    moving = [one for one in roles.inputs if _moves(column(one[1]))]
-    if len(moving) == 1 or first[0] == "clutch":
-        return moving[0] if len(moving) == 1 else first
-    kinds = " and ".join(kind for kind, _ in roles.inputs)
-    raise DataError(f"{path}: may be {kinds}, as it has a column of each; say which with «kind»")
-
-
-def _moves(values: NDArray[Any]) -> bool:
-    kept = values[np.isfinite(values)]
-    return bool(len(kept)) and bool(np.ptp(kept) > 0.2 * np.abs(kept).max())

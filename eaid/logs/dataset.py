@@ -166,7 +166,7 @@ def _read_run(group: h5py.Group, shared: Run, repair: bool) -> Run:
     rows = {"time": run.time_s, "input": run.input, "output": run.output}
     if np.isnan(run.input).all():
         del rows["input"]
-    keep = checked(where, rows, (), lambda i: f"sample {i + 1}", repair)
+    keep = checked(where, rows, {}, lambda i: f"sample {i + 1}", repair)
     if keep is not None:
         dropped = finding("rows-dropped", run.name, dropped=len(run.time_s) - len(keep), count=len(run.time_s))
         run = run.part(keep, findings=(*run.findings, dropped))

@@ -23,6 +23,7 @@ import msgspec
 from eaid.errors import DataError
 from eaid.logs.foreign.answer import LONGEST_READ_S, Answer, Question, received, send
 from eaid.logs.table import Cells, LogTable
+from eaid.logs.text import read_text
 
 NPY, ZIP, HDF5 = b"\x93NUMPY", b"PK\x03\x04", b"\x89HDF\r\n\x1a\n"
 OFFICE = (b"[Content_Types].xml", b"_rels/", b"docProps/", b"xl/")  # As the archives of its documents begin
@@ -93,14 +94,16 @@ def format_of(head: bytes) -> Format:
 
 
 class ForeignReader:
-    """The process, started when the first such file comes, until it is closed."""
+    """Reads files of any format; its process is started when the first that takes it comes, until it is closed."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self.alone = threading.RLock()  # Held while one file is read: the process knows one file at a time
 
     def tables(self, form: Format, path: Path, source: str) -> list[LogTable]:
-        """Tables of a file of a format."""
+        """Tables of a file of a format; one of text is read here."""
+        if not form.reader:
+            return [read_text(path, source)]
         if form.library and find_spec(form.library) is None:
             raise DataError(
                 f"{source}: is a file of {form.name}, which takes {form.library} to read; "
@@ -108,7 +111,7 @@ class ForeignReader:
             )
         question = Question(form.reader, str(path), source, form.name)
         tables = self._answer(question).tables
-        return [replace(table, load=partial(self._load, question, k)) for k, table in enumerate(tables)]
+        return [replace(table, load=partial(self._load, question, k), source=source) for k, table in enumerate(tables)]
 
     def _load(self, question: Question, table: int, wanted: Sequence[int]) -> Cells:
         with self.alone:

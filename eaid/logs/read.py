@@ -1,12 +1,14 @@
 """Logs → runs: every file of a call, in any format, or DataFrames, all their faults at once."""
 
 import hashlib
+import itertools
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +19,11 @@ from eaid.declared import forms, given_options
 from eaid.errors import DataError, UsageError
 from eaid.files import LOG_ENDINGS, is_as_written, sha256_of
 from eaid.findings import Finding, finding
+from eaid.logs.columns import chosen_table
 from eaid.logs.folders import files_of
 from eaid.logs.formats import ForeignReader, format_of, unread
-from eaid.logs.long import runs_in
 from eaid.logs.run import Run, numbered
 from eaid.logs.table import Cells, LogTable, seconds
-from eaid.logs.text import read_text
 from eaid.logs.to_run import run_of
 from eaid.logs.units import split_name
 from eaid.options import Columns, ReadOptions
@@ -33,6 +34,8 @@ PLAIN = ReadOptions()
 OF_COLUMNS = ("columns", "units", "name_pattern", "step_at", "until", "variable", "rate_hz")
 UNIT_STEPS = (60.0, 3600.0, 86_400.0, 1e3, 1e6, 1e9)  # Factors between units of time
 SECONDS_ASSUMED = {"unit-assumed", "time-unclear", "time-doubtful", "whole-seconds"}
+FEWEST_RUN_ROWS = 20  # Of a run of a long table on the average: a column that changes more often tells none
+MOST_KEYS = 8  # Columns that are looked at for one that tells runs apart
 RUN = "run"  # What a column is that tells several runs apart, and what one of a DataFrame is called
 
 
@@ -110,39 +113,67 @@ def read_file(path: Path, options: ReadOptions, foreign: ForeignReader) -> tuple
     name = path.name
     for ending in (*LOG_ENDINGS, ".txt", ".h5", ".hdf5", ".xlsx"):
         name = name[: -len(ending)] if name.lower().endswith(ending) else name
-    if not form.reader:
-        return _runs_of(name or path.name, source, sha256, read_text(path, source), options, path.name)
-    with foreign.alone:
-        from eaid.logs.dataset import read_dataset  # HDF5 takes long to load, and text needs none
-
+    with foreign.alone if form.reader else nullcontext():
         sealed = form.name == "HDF5" and is_as_written(path) is not None
         tables = [] if sealed else foreign.tables(form, path, source)
         if not tables:
+            from eaid.logs.dataset import read_dataset  # HDF5 takes long to load, and text needs none
+
             return read_dataset(path, source, sha256, options.repair)
-        return _runs_of(name or path.name, source, sha256, tables, options, path.name)
+        return _runs_of(name or path.name, sha256, tables, options, path.name)
 
 
 def _runs_of(
-    name: str, source: str, sha256: str, tables: Sequence[LogTable], options: ReadOptions, file: str
+    name: str, sha256: str, tables: Sequence[LogTable], options: ReadOptions, file: str
 ) -> tuple[list[Run], list[str]]:
     """The run of a file's tables, or the runs of a long one and what is wrong with the others."""
     try:
-        return [run_of(name, source, sha256, tables, options, file)], []
+        return [run_of(name, sha256, tables, options, file)], []
     except DataError:
-        if not (parts := runs_in(source, tables, options)):
+        if not (parts := _parts_of(tables, options)):
             raise
     runs, faults = list[Run](), list[str]()
     for column, value, table in parts:
         label = f"{name}-{column}{value:g}"
         digest = hashlib.sha256(f"{sha256} {label}".encode()).hexdigest()
         try:
-            run = run_of(label, source, digest, [table], options, file)
+            run = run_of(label, digest, [table], options, file)
         except DataError as fault:
             faults.extend(fault.sentences)
             continue
         left = tuple(one for one in run.left if one != column)
         runs.append(replace(run, taken=(*run.taken, (RUN, column)), left=left))
     return runs, faults
+
+
+def _parts_of(tables: Sequence[LogTable], options: ReadOptions) -> list[tuple[str, float, LogTable]]:
+    """Of a long table, the rows of several runs one below the other: the column that tells the runs apart, what stands
+    there, and the rows, of each run. Its time falls where the next run begins, and some column that is nothing else
+    changes there. None of a table of one log."""
+    table, roles = chosen_table(tables, options)
+    keys = [column for column in range(len(table.columns)) if column not in roles.taken][:MOST_KEYS]
+    if roles.time is None or not keys:
+        return []
+    time, *values = table.load([roles.time, *keys]).values
+    falls = np.flatnonzero(np.diff(time) < 0) + 1
+    for column, key in zip(keys, values, strict=True):
+        begins = np.flatnonzero(np.diff(key) != 0) + 1
+        if len(falls) and np.isin(falls, begins).all() and FEWEST_RUN_ROWS * (len(begins) + 1) <= len(key):
+            whole = replace(table, load=lru_cache(maxsize=8)(table.load))  # each column is read once for all runs
+            ends = itertools.pairwise([0, *begins.tolist(), len(key)])
+            return [(table.label(column), float(key[a]), _rows_of(whole, a, b)) for a, b in ends]
+    return []
+
+
+def _rows_of(table: LogTable, first: int, end: int) -> LogTable:
+    """Some rows of a table as one of their own."""
+
+    def load(wanted: Sequence[int]) -> Cells:
+        cells = table.load(tuple(wanted))
+        bad = tuple(replace(one, row=one.row - first) for one in cells.bad if first <= one.row < end)
+        return Cells(tuple(values[first:end] for values in cells.values), bad, ((0, cells.row(first)),))
+
+    return replace(table, load=load)
 
 
 def named_apart(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
@@ -208,7 +239,7 @@ def runs_from_frames(frames: "pandas.DataFrame | Mapping[str, pandas.DataFrame]"
             digest = hashlib.sha256(repr((table.columns, table.units)).encode())
             for values in table.load(range(len(table.columns))).values:
                 digest.update(np.ascontiguousarray(values).data)
-            runs.append(run_of(name, name, digest.hexdigest(), [table], options))
+            runs.append(run_of(name, digest.hexdigest(), [table], options))
         except DataError as fault:
             faults.extend(fault.sentences)
     if faults:
@@ -254,7 +285,7 @@ def _table_of(name: str, frame: "pandas.DataFrame") -> LogTable:
     stamped = tuple(i for i, label in enumerate(numbers) if label in units)
     return LogTable(
         "", tuple(numbers), lambda wanted: Cells(tuple(values[i] for i in wanted)), declared, stamped=stamped,
-        dropped=dropped,
+        dropped=dropped, source=name,
     )  # fmt: skip
 
 

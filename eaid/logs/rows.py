@@ -1,7 +1,7 @@
 """Which rows of a log are bad, by their cells or by a time that does not rise, and which are kept."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from eaid.logs.columns import FEWEST_IN_COLUMN
 THOUSANDS = r"[+-]?\d{1,3}([,.' ]\d{3})+[,.]\d+"  # A number with marks between thousands, and a decimal mark
 SHOWN_FAULTS = 5  # Bad rows of a kind up to which each is told; of more, the first and a count
 
-Unread = Sequence[tuple[int, str, str]]  # Sample, label of its column (empty: the whole row) and what stands there
+Unread = Mapping[tuple[int, str], str]  # What stands at a sample under a label (empty: in its whole row)
 
 
 def checked(
@@ -75,10 +75,9 @@ def _bad_cells(
     source: str, columns: Mapping[str, NDArray[Any]], unread: Unread, at: Callable[[int], str]
 ) -> dict[int, list[str]]:
     """What is wrong with the cells of each bad sample; DataError where a column holds too few numbers."""
-    texts = {(sample, label): text for sample, label, text in unread}
     for label, values in columns.items():
         gone, count = int(np.isnan(values).sum()), len(values)
-        words = [text for (_, column), text in texts.items() if column == label and text]
+        words = [text for (_, column), text in unread.items() if column == label and text]
         if gone == count and words:
             raise DataError(
                 f"{source}: column {label} holds no number in any row, but words such as {words[0]!r}; write what they "
@@ -94,11 +93,11 @@ def _bad_cells(
                 f"{source}: column {label} holds a number in {count - gone} of {count} rows only; save the rows in "
                 f"which it was sampled, or all columns at one rate"
             )
-    torn = {sample: text for (sample, label), text in texts.items() if not label}
+    torn = {sample: text for (sample, label), text in unread.items() if not label}
     faults = {sample: [f"{at(sample)} has {text} cells, unlike the others"] for sample, text in torn.items()}
     for label, values in columns.items():
         for sample in sorted({*np.flatnonzero(~np.isfinite(values)).tolist()} - torn.keys()):
-            found = texts.get((sample, label))
+            found = unread.get((sample, label))
             what = "is infinite" if np.isinf(values[sample]) else "is empty or not a number"
             if found is not None:
                 number = re.fullmatch(r"[+-]?(nan|inf|[\d.]+e\+?\d{3,})", found, re.IGNORECASE)

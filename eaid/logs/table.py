@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
+from eaid.errors import DataError
 
 
 def plain(text: str) -> str:
@@ -76,6 +77,7 @@ class LogTable:
     unmatched: tuple[str, ...] = ()  # Names that the file has and that are not as many as its columns
     # Columns that hold no numbers (texts, complex numbers, cells), and so cannot be chosen
     dropped: tuple[str, ...] = ()
+    source: str = ""  # How sentences name its file
 
     def __post_init__(self) -> None:
         for name in ("columns", "units", "dropped", "unmatched"):
@@ -86,6 +88,10 @@ class LogTable:
     def unit(self, column: int) -> str:
         """Unit of a column as the file says it apart from its name; empty where it does not."""
         return self.units[column] if self.units else ""
+
+    def fault(self, what: str) -> DataError:
+        """A refusal of its file."""
+        return DataError(f"{self.source}: {what}")
 
     def label(self, column: int) -> str:
         """How a sentence names a column."""

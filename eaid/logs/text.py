@@ -326,7 +326,7 @@ def _is_units_row(cells: list[str]) -> bool:
     return 2 * sum(known) > len(known) and (short or all(known))
 
 
-def read_text(path: Path, source: str) -> list[LogTable]:
+def read_text(path: Path, source: str) -> LogTable:
     """The one table of a text log; raises DataError where it holds none."""
     with path.open("rb") as raw:
         zipped = raw.read(2) == b"\x1f\x8b"
@@ -334,7 +334,7 @@ def read_text(path: Path, source: str) -> list[LogTable]:
         head = file.read(HEAD_BYTES)
     if zipped and not encoding_of(head):
         raise DataError(f"{source}: is gzip around a file that is no text; unpack it and give what is inside")
-    return [sniff(source, head, partial(_load, path, source, zipped))]
+    return replace(sniff(source, head, partial(_load, path, source, zipped)), source=source)
 
 
 @contextlib.contextmanager

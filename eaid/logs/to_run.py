@@ -15,13 +15,13 @@ from eaid.arrays import Array, read_only
 from eaid.errors import DataError
 from eaid.findings import Finding, finding
 from eaid.logs.clocks import seconds_since_start, unit_of_time
-from eaid.logs.columns import MOTION, Roles, chosen_table, default_unit, leaves_rest, rises, the_input
+from eaid.logs.columns import MOTION, Roles, chosen_table, default_unit, leaves_rest, rises
 from eaid.logs.names import level_and_repeat, unit_beside
 from eaid.logs.rows import checked
-from eaid.logs.run import INPUT_UNITS, Beside, Run
+from eaid.logs.run import Beside, Run
 from eaid.logs.table import Cells, LogTable, plain
 from eaid.logs.units import UNKNOWN, Scale, numbers_samples, scale_of, split_name, unit_of, words_of
-from eaid.options import ReadOptions
+from eaid.options import ExperimentKind, ReadOptions
 
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
 LARGEST_READING = 1e100
@@ -33,7 +33,7 @@ SEEN_ALIKE, ALTERNATES, FEWEST_TURNS, HELD_PART, GOES_WITH = 0.02, 0.95, 10, 0.2
 MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
-def _loaded(source: str, table: LogTable, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
+def _loaded(table: LogTable, wanted: Sequence[int | None]) -> tuple[Cells, dict[int, NDArray[Any]]]:
     """Columns by their number; DataError where one is too large or too small for a sensor."""
     columns = list(dict.fromkeys(one for one in wanted if one is not None))
     cells, sane = table.load(columns), dict[int, NDArray[Any]]()
@@ -45,60 +45,79 @@ def _loaded(source: str, table: LogTable, wanted: Sequence[int | None]) -> tuple
             values = np.asarray(values, dtype=np.float64)
             size = np.abs(values[np.isfinite(values)]).max(initial=0)
             if size != 0 and not 1 / LARGEST_READING <= size <= LARGEST_READING:
-                raise DataError(f"{source}: column {table.label(column)} goes to {size:g}, as no sensor does; mend it")
+                raise table.fault(f"column {table.label(column)} goes to {size:g}, as no sensor does; mend it")
         sane[column] = values
     return cells, sane
 
 
-def run_of(
-    name: str, source: str, sha256: str, tables: Sequence[LogTable], options: ReadOptions, file: str = ""
-) -> Run:  # fmt: skip
+def _input_of(table: LogTable, roles: Roles) -> tuple[ExperimentKind | None, int | None]:
+    """The input among the columns that may be it: the one that moves, where the names leave a choice."""
+    if not roles.inputs:
+        return None, None
+    first = roles.inputs[0]
+    # a duty that moves is it, beside whatever speed and force
+    if len(roles.inputs) == 1 or (first[0] == "clutch" and _moves(table, first[1])):
+        return first
+    moving = [one for one in roles.inputs if _moves(table, one[1])]
+    if len(moving) == 1 or first[0] == "clutch":
+        return moving[0] if len(moving) == 1 else first
+    kinds = " and ".join(kind for kind, _ in roles.inputs)
+    raise table.fault(f"may be {kinds}, as it has a column of each; say which with «kind»")
+
+
+def _moves(table: LogTable, column: int) -> bool:
+    values = _loaded(table, [column])[1][column]
+    kept = values[np.isfinite(values)]
+    return bool(len(kept)) and bool(np.ptp(kept) > 0.2 * np.abs(kept).max())
+
+
+def run_of(name: str, sha256: str, tables: Sequence[LogTable], options: ReadOptions, file: str = "") -> Run:
     """The run behind the tables of one log; the name pattern is looked for in `file`, or in the name."""
     name = plain(name)
-    table, roles = chosen_table(source, tables, options)
-    clock, units = _clock(source, table, roles, options), options.units
+    table, roles = chosen_table(tables, options)
+    source, clock, units = table.source, _clock(table, roles, options), options.units
     level, repeat = level_and_repeat(source, options.name_pattern, file or name)
     if level is None and options.name_pattern is not None:  # which the name of its folder may tell
         folder = Path(source).resolve().parent.name
         level, repeat = level_and_repeat(source, options.name_pattern, f"{folder}-{file or name}")
-    kind, which = the_input(source, roles, lambda one: _loaded(source, table, [one])[1][one])
+    kind, which = _input_of(table, roles)
     if which is None and options.name_pattern is not None and level is None:
-        raise DataError(f"{source}: its name does not match «name_pattern»; rename it or mend the pattern")
+        raise table.fault("its name does not match «name_pattern»; rename it or mend the pattern")
 
-    cells, columns = _loaded(source, table, [roles.output, clock, roles.reference, roles.position, which])
+    cells, columns = _loaded(table, [roles.output, clock, roles.reference, roles.position, which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
-    by_user, by_column = unit_of_time(source, table, roles, clock, raw_time, options)
+    by_user, by_column = unit_of_time(table, roles, clock, raw_time, options)
     used = [column for column in (which, roles.output, roles.position) if column is not None]
     label = "time" if clock is None else table.label(clock)
     by_label = {label: raw_time} | {table.label(i): columns[i] for i in used}
-    bad = sorted((one.row, one.column, one.text) for one in cells.bad if one.column in {-1, clock, *used})
-    unread = [(row, "" if column < 0 else table.label(column), text) for row, column, text in bad]
+    unread = {
+        (one.row, "" if one.column < 0 else table.label(one.column)): one.text
+        for one in cells.bad if one.column in {-1, clock, *used}
+    }  # fmt: skip
     factor = by_user or by_column or 1.0
     keep = checked(source, by_label, unread, lambda sample: f"row {cells.row(sample)}", options.repair, factor)
     rows = slice(None) if keep is None else keep
     kept = {column: values[rows] for column, values in columns.items()}
-    time_s, start_s, of_time = seconds_since_start(source, label, raw_time[rows], by_user, by_column)
-    plain_output = default_unit(table.columns[roles.output])
-    into = scale_of(source, "output", units.get("output"), table, roles.output, plain_output)
+    time_s, start_s, of_time = seconds_since_start(table, label, raw_time[rows], by_user, by_column)
+    into = scale_of(table, roles.output, "output", units.get("output"), default_unit(table.columns[roles.output]))
     output = into.of(kept[roles.output])
     if which is not None and kind is not None:
-        plain_input = default_unit(table.columns[which], kind)
-        scale = scale_of(source, "input", units.get("input"), table, which, plain_input)
+        scale = scale_of(table, which, "input", units.get("input"), default_unit(table.columns[which], kind))
         input_ = scale.of(kept[which])
     else:
-        scale = Scale(INPUT_UNITS[kind], 1.0) if kind else _of_names(source, options)
+        scale = _of_names(name, options)
         input_ = np.broadcast_to(np.float64(np.nan), len(output))  # takes no memory
     told = [*roles.findings, *of_time, *_asked_once([*scale.findings, *into.findings])]
     if keep is not None:
-        told.append(finding("rows-dropped", source, dropped=len(raw_time) - len(keep), count=len(raw_time)))
+        told.append(finding("rows-dropped", name, dropped=len(raw_time) - len(keep), count=len(raw_time)))
     if into.unit == "N·m" and "output" not in units and np.abs(output).max() > LARGEST_NM:
-        told.append(finding("torque-too-large", source, largest=float(np.abs(output).max())))
+        told.append(finding("torque-too-large", name, largest=float(np.abs(output).max())))
     if level is not None and which is not None and not (np.abs(np.abs(input_) - abs(level)) <= 0.02 * abs(level)).any():
         most = float(input_[np.abs(input_).argmax()])
-        told.append(finding("level-contradicted", source, level=level, found=most, unit=scale.unit))
+        told.append(finding("level-contradicted", name, level=level, found=most, unit=scale.unit))
     if which is not None and alternates(input_, output, level):
         input_ = np.abs(input_)
-        told.append(finding("input-alternates", source, level=float(input_.max()), unit=scale.unit))
+        told.append(finding("input-alternates", name, level=float(input_.max()), unit=scale.unit))
     of_role = {"time": clock, "input": which, "output": roles.output, "reference": roles.reference,
                "position": roles.position}  # fmt: skip
     taken = {role: column for role, column in of_role.items() if column is not None}
@@ -165,15 +184,15 @@ def without_switches(runs: Sequence[Run], options: ReadOptions) -> list[Run]:
     return found
 
 
-def _clock(source: str, table: LogTable, roles: Roles, options: ReadOptions) -> int | None:
+def _clock(table: LogTable, roles: Roles, options: ReadOptions) -> int | None:
     """The column of the time; None where the user gives the rate of rows that nothing but numbers them, or whose stamps
     have too few digits to tell one from the next."""
     if roles.time is None or options.rate_hz is None:
         return roles.time
-    stamps = _loaded(source, table, [roles.time])[1][roles.time]
+    stamps = _loaded(table, [roles.time])[1][roles.time]
     if numbers_samples(table.columns[roles.time]) or np.mean(np.diff(stamps) == 0) > TOO_COARSE:
         return None
-    raise DataError(f"{source}: has a time column, {table.label(roles.time)}, so «rate_hz» does nothing; leave it out")
+    raise table.fault(f"has a time column, {table.label(roles.time)}, so «rate_hz» does nothing; leave it out")
 
 
 def _position_unit(table: LogTable, roles: Roles, options: ReadOptions) -> str:
@@ -183,13 +202,13 @@ def _position_unit(table: LogTable, roles: Roles, options: ReadOptions) -> str:
     return table.unit(roles.position) or split_name(table.columns[roles.position])[1]
 
 
-def _of_names(source: str, options: ReadOptions) -> Scale:
+def _of_names(subject: str, options: ReadOptions) -> Scale:
     """The unit of levels that names tell, which hold none but beside the level."""
     if unit := options.units.get("input"):
         known = unit_of(unit)
         return Scale(known.to if known.quantity and known.factor == 1 else unit, 1.0)
     likely = unit_beside(options.name_pattern or "") or "UNIT"
-    asked = finding("unit-unknown", source, column="the levels of names", ask=f"input={likely}")
+    asked = finding("unit-unknown", subject, column="the levels of names", ask=f"input={likely}")
     return Scale(UNKNOWN, 1.0, (asked,) if options.name_pattern else ())
 
 

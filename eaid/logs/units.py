@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, read_only
-from eaid.errors import DataError, UsageError
+from eaid.errors import UsageError
 from eaid.findings import Finding, finding
 from eaid.logs.table import LogTable
 
@@ -75,7 +75,7 @@ COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "r
 _BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
 _INDEXED = re.compile(r"\S\[\d+\]$|[\[({]\s*(?:\d\d+|[02-9])\s*[\])}]$")  # ai0[1], Torque (2); `duty [1]` is a unit
 _RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
-_SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
+LINEAR_SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
 _SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
 _CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
 _TIMES_A_NUMBER = re.compile(
@@ -99,11 +99,6 @@ def words_of(name: str) -> frozenset[str]:
     return frozenset(re.findall(r"[a-z0-9]+", spaced.lower()))
 
 
-def is_linear_speed(unit: str) -> bool:
-    """Whether a unit is one as mm/s."""
-    return _SPEED.match(unit) is not None
-
-
 @lru_cache(1024)
 def split_name(name: str) -> tuple[str, str]:
     """A column's bare name and the unit its name carries: `Torque (mNm)` → (`Torque`, `mNm`); unit empty where none."""
@@ -114,7 +109,7 @@ def split_name(name: str) -> tuple[str, str]:
     for written in (_RATE, _SUFFIX):  # speed_rad/s is no speed_rad in s
         match = written.match(name)
         known = match and unit_of(match.group(2)).quantity and match.group(2) not in ("1", "-")
-        if match and match.group(1) and (known or _SPEED.match(match.group(2))):
+        if match and match.group(1) and (known or LINEAR_SPEED.match(match.group(2))):
             return match.group(1).strip(" _/."), match.group(2)
     match = _CAMEL.match(name)  # TorqueMnm, dutyPct, ForceN
     if match:
@@ -143,7 +138,7 @@ class Scale:
         return read_only(values if self.factor == 1.0 else values * self.factor)
 
 
-def declared_unit(path: str, role: str, given: str | None, table: LogTable, column: int) -> str:
+def declared_unit(table: LogTable, column: int, role: str, given: str | None) -> str:
     """The unit of a column as its file or its name says it; empty where neither does.
 
     Raises DataError for a number beside it (`x100`: multiply or divide?), and where the user says another unit.
@@ -155,50 +150,50 @@ def declared_unit(path: str, role: str, given: str | None, table: LogTable, colu
     if known.quantity == other.quantity and known != other:  # `Time [s]`, and ms in the row below
         if given is not None:
             return ""
-        raise DataError(
-            f"{path}: column {name} says {named} in its name and {file_unit} beside it; say which with «units» "
+        raise table.fault(
+            f"column {name} says {named} in its name and {file_unit} beside it; say which with «units» "
             f"{role}={file_unit} or {role}={named}"
         )
     scaled = _TIMES_A_NUMBER.search(bare) or (
         not known.quantity and (_TIMES_A_NUMBER.search(text) or _NUMBER_OF_UNITS.match(text))
     )
     if scaled and given is None:
-        raise DataError(
-            f"{path}: column {name}{f' in {file_unit}' * bool(file_unit)} holds a number beside its {role}'s unit, "
+        raise table.fault(
+            f"column {name}{f' in {file_unit}' * bool(file_unit)} holds a number beside its {role}'s unit, "
             f"which may multiply or divide; say the unit of its cells with «units» {role}=UNIT"
         )
     letter = len(named) == 1 and name.strip().endswith(f" {named}")  # Phase A
     if given is None or scaled or not known.quantity or letter or (known.quantity == "time") != (role == "time"):
         return text
     if role != "time" and unit_of(given) != known:
-        raise DataError(
-            f"{path}: column {name} says {text}, «units» {role}={given} something else; leave it out, or mend the name"
+        raise table.fault(
+            f"column {name} says {text}, «units» {role}={given} something else; leave it out, or mend the name"
         )
     return text
 
 
-def scale_of(path: str, role: str, given: str | None, table: LogTable, column: int, default: str) -> Scale:
+def scale_of(table: LogTable, column: int, role: str, given: str | None, default: str) -> Scale:
     """Unit and factor of a column: what the user says, else the file, else the column's name, else the default."""
     label = table.label(column)
     if unit_of(given or "").quantity == "time":
         raise UsageError(f"«units» {role}={given}: is a unit of time, not of the {role}")
     full = divisor(role, given) if given is not None and given.startswith("/") else 0.0
-    text = declared_unit(path, role, given, table, column)
+    text = declared_unit(table, column, role, given)
     if full:  # /255: so many counts are the full scale
         return Scale("%", 100.0 / full) if role == "input" else Scale("FS", 1.0 / full)
     text = given or text
     known = unit_of(text)
     if not text or known.quantity == "time":
         if default:
-            return Scale(default, 1.0, (finding("unit-assumed", path, role=role, column=label, unit=default),))
+            return Scale(default, 1.0, (finding("unit-assumed", role, role=role, column=label, unit=default),))
         column_said = role if label == role else f"{role} {label}"
-        return Scale(UNKNOWN, 1.0, (finding("unit-unknown", path, column=column_said, ask=f"{role}=UNIT"),))
+        return Scale(UNKNOWN, 1.0, (finding("unit-unknown", role, column=column_said, ask=f"{role}=UNIT"),))
     if not known.quantity:
         return Scale(text, 1.0)  # one that eaid does not know stays as it is
     if text.strip("[]() ").lower() in ("g", "kg"):
         words = words_of(split_name(table.columns[column])[0])
         if words & _SHAKEN or not (given or words & _WEIGHED):
-            return Scale(text, 1.0, (finding("unit-g-unclear", path, role=role, column=label, unit=text),))
+            return Scale(text, 1.0, (finding("unit-g-unclear", role, role=role, column=label, unit=text),))
     return Scale(known.to, known.factor)
 
 

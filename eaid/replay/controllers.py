@@ -101,16 +101,8 @@ def duty_for(
     """Duty [%] in low…high after which x1 + x2 is `wanted` [N·m] when dt seconds have passed; the nearer limit where
     none is."""
     bottom, top = low, high
-    before = min(max(guess, low), high)
-    y1, y2 = plant_step(plant, x1, x2, before, dt)
-    miss_before = y1 + y2 - wanted
-    if miss_before == 0.0:
-        return before
-    if miss_before < 0.0:
-        bottom = before
-    else:
-        top = before
-    duty = min(max(before + (1.0 if miss_before < 0.0 else -1.0), low), high)
+    duty = min(max(guess, low), high)
+    before = miss_before = math.nan
     for _ in range(SEARCH_STEPS):
         y1, y2 = plant_step(plant, x1, x2, duty, dt)
         miss = y1 + y2 - wanted
@@ -125,7 +117,10 @@ def duty_for(
                 return low
             top = duty
         rise = miss - miss_before
-        better = duty - miss * (duty - before) / rise if rise != 0.0 else 0.5 * (bottom + top)
+        if math.isnan(rise):  # the first: the next is 1 beside it
+            better = min(max(duty + (1.0 if miss < 0.0 else -1.0), low), high)
+        else:
+            better = duty - miss * (duty - before) / rise if rise != 0.0 else 0.5 * (bottom + top)
         # A secant that leaves the bracket first tries the limit on that side, then halves.
         if better >= top:
             better = high if top >= high else 0.5 * (bottom + top)

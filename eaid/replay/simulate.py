@@ -37,8 +37,8 @@ Outcome = tuple[dict[str, Record], dict[str, Any], list[Finding]]
 
 def simulate(
     fit: Fit,
-    gains: Gains | None = None,
-    options: SimulateOptions = SimulateOptions(),  # noqa: B008 - frozen
+    gains: Gains | None,
+    options: SimulateOptions,
     reference: Any = None,
     runs: Sequence[Run] | None = None,
     progress: Progress = no_progress,
@@ -131,7 +131,7 @@ def _rehabilitated(
 
 def _tracked(
     fit: Fit, gains: Gains | None, plant: PlantNumbers, controllers: Sequence[Controller], wanted: Reference,
-    rig: RigExtras, options: SimulateOptions, progress: Progress, one_run: bool = False,
+    rig: RigExtras, options: SimulateOptions, progress: Progress, one_run: bool,
 ) -> Outcome:  # fmt: skip
     """Each controller on the reference; and on drawn plants, of a mean run or of `one_run` that scatters beside it."""
     seed, records = options.seed, {}
@@ -172,14 +172,12 @@ def _tracked(
 def _outside_identified(fit: Fit, plant: PlantNumbers, records: Mapping[str, Record]) -> list[Finding]:
     """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
     low, high = plant.u_low, plant.u_high
-    below = above = falling = 0.0
+    shares = [(0.0, 0.0, 0.0)]
     for replayed in records.values():
-        duty, torque = replayed.columns["duty_pct"], replayed.columns["torque_nm"]
-        size = np.abs(duty)
-        falls = (np.diff(np.abs(torque)) < 0) & (size[:-1] >= low)
-        below = max(below, float(((size > 0) & (size < low)).mean()))
-        above = max(above, float((size > high).mean()))
-        falling = max(falling, float(falls.mean()))
+        size, output = (np.abs(replayed.columns[name]) for name in ("duty_pct", "torque_nm"))
+        falls = (np.diff(output) < 0) & (size[:-1] >= low)
+        shares.append((float(((size > 0) & (size < low)).mean()), float((size > high).mean()), float(falls.mean())))
+    below, above, falling = map(max, zip(*shares, strict=True))
     falls_known = fit.falls_recorded
     if max(below, above, 0.0 if falls_known else falling) <= UNSEEN_SHARE:
         return []

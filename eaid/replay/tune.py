@@ -192,12 +192,7 @@ def falls_seen(fit: Fit) -> bool:
     return any(one.name == "fall_tau1" for one in tested) or bool(falls_between(fit.friction_levels))
 
 
-def tune(
-    fit: Fit,
-    options: TuneOptions = TuneOptions(),  # noqa: B008 - frozen
-    reference: str | Signal | None = None,
-    reference_name: str = "",
-) -> Gains:
+def tune(fit: Fit, options: TuneOptions, reference: str | Signal | None, reference_name: str) -> Gains:
     """`eaid.tune_rc` on what has been read; without a reference the multisine, which Q_M need not cover. GainsError
     where fit or wishes are not physical, out of reach or unstable, DataError where the fit lacks what is asked for."""
     why = fit.verdict.of("linear").sentence

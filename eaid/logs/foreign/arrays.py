@@ -64,14 +64,12 @@ class ArrayColumn(NamedTuple):
         return np.where(empty, np.nan, stored) if empty.any() else stored
 
 
-def _table(
-    name: str, columns: Sequence[ArrayColumn], dropped: Sequence[str] = (), clock: int | None = None
-) -> LogTable:
+def _table(name: str, columns: Sequence[ArrayColumn], clock: int | None = None) -> LogTable:
     def load(wanted: Sequence[int]) -> Cells:
         return Cells(tuple(columns[i].values() for i in wanted))
 
     units = tuple(text(one.attribute("units", one.attribute("unit", ""))) for one in columns)
-    return LogTable(name, tuple(one.label for one in columns), load, units, clock=clock, dropped=tuple(dropped))
+    return LogTable(name, tuple(one.label for one in columns), load, units, clock=clock)
 
 
 def _tables(name: str, arrays: Mapping[str, Any], between: str = ".") -> tuple[list[LogTable], list[str]]:

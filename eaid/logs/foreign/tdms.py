@@ -1,15 +1,16 @@
 """TDMS files of National Instruments → tables: the channels of one clock, and the vectors of each group."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eaid.errors import DataError
-from eaid.logs.table import Cells, LogTable, seconds
+from eaid.logs.table import Cells, LogTable, seconds, with_times
 
-WaveformClock = tuple[float, float, int]  # Time of the first sample and sample time [s], and the number of samples
+WaveformClock = tuple[float, float]  # Time of the first sample, and sample time [s]
 
 
 def read_tdms(path: Path, source: str) -> list[LogTable]:
@@ -20,8 +21,7 @@ def read_tdms(path: Path, source: str) -> list[LogTable]:
     file = nptdms.TdmsFile.open(str(path))
     if file.file_status.incomplete_final_segment:
         raise DataError(f"{source}: is cut short: its last segment ends early; copy it again, or record it again")
-    waves: list[tuple[Any, str, WaveformClock]] = []
-    vectors: dict[tuple[str, int], list[tuple[Any, str]]] = {}
+    found: list[tuple[Any, str, WaveformClock | None]] = []
     dropped: list[str] = []
     channels = [channel for group in file.groups() for channel in group.channels()]
     starts = [channel.properties.get("wf_start_time") for channel in channels]
@@ -36,40 +36,35 @@ def read_tdms(path: Path, source: str) -> list[LogTable]:
         unit = str(facts.get("unit_string") or facts.get("NI_UnitDescription") or "")
         increment = facts.get("wf_increment")
         if kind == "M" or not isinstance(increment, float) or not 0 < increment < np.inf:
-            place = vectors.setdefault((str(channel.group_name), len(channel)), [])
-            place.append((channel, "s" if kind == "M" else unit))
+            found.append((channel, "s" if kind == "M" else unit, None))
             continue
         begin = float(facts.get("wf_start_offset") or 0.0)
         if origin is not None and start in known:
             begin += float((start - origin) / np.timedelta64(1, "ns")) * 1e-9
-        waves.append((channel, unit, (begin, increment, len(channel))))
-    alike = len({channel.name for channel, _, _ in waves}) < len(waves)
-    timed: dict[tuple[str, WaveformClock], list[tuple[Any, str]]] = {}
-    for channel, unit, clock in waves:
-        timed.setdefault((str(channel.group_name) if alike else "", clock), []).append((channel, unit))
-    tables = [_channel_table(name, columns, (), clock) for (name, clock), columns in timed.items()]
-    tables += [_channel_table(name, columns, dropped) for (name, _), columns in vectors.items()]
-    if not tables:
+        found.append((channel, unit, (begin, increment)))
+    if not found:
         raise DataError(f"{source}: holds no channels of numbers; record the log again")
-    return tables
+    found.sort(key=lambda one: one[2] is None)
+    waves = [channel.name for channel, _, clock in found if clock is not None]
+    alike = len(set(waves)) < len(waves)
+    tables: dict[tuple[str, WaveformClock | None, int], list[tuple[Any, str]]] = {}
+    for channel, unit, clock in found:
+        group = str(channel.group_name) if alike or clock is None else ""
+        tables.setdefault((group, clock, len(channel)), []).append((channel, unit))
+    return [_channel_table(name, columns, dropped, clock) for (name, clock, _), columns in tables.items()]
 
 
 def _channel_table(
     name: str, columns: Sequence[tuple[Any, str]], dropped: Sequence[str], clock: WaveformClock | None = None
 ) -> LogTable:
     """A table of channels with their units, behind a column of times where they have a clock."""
-    labels, units = [str(channel.name) for channel, _ in columns], [unit for _, unit in columns]
-    if clock is not None:
-        labels, units = ["time", *labels], ["s", *units]
+    channels, units = [channel for channel, _ in columns], tuple(unit for _, unit in columns)
+    labels, timed = tuple(str(channel.name) for channel in channels), clock is not None
 
     def load(wanted: Sequence[int]) -> Cells:
-        values = []
-        for i in wanted:
-            if clock is not None and i == 0:
-                values.append(clock[0] + np.arange(clock[2]) * clock[1])
-                continue
-            column = np.asarray(columns[i - (clock is not None)][0][:])
-            values.append(seconds(column) if column.dtype.kind == "M" else column)
-        return Cells(tuple(values))
+        values = (np.asarray(channels[i - timed][:]) for i in wanted)
+        return Cells(tuple(seconds(one) if one.dtype.kind == "M" else one for one in values))
 
-    return LogTable(name, tuple(labels), load, tuple(units), dropped=tuple(dropped))
+    if clock is None:
+        return LogTable(name, labels, load, units, dropped=tuple(dropped))
+    return LogTable(name, ("time", *labels), partial(with_times, load, *clock), ("s", *units))
