@@ -196,8 +196,8 @@ def _model(results: Results, known: ByPart) -> Light:
     percent = float(np.mean(percents)) if percents else None
     if fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:  # of all its data
         percent = fit.nonlinear.fit_pct
-    if fit.plant_ is not None and fit.plant_.another:
-        percent = fit.plant_.tried[0].fit_pct
+    if fit.another_plant is not None:
+        percent = fit.another_plant.tried[0].fit_pct
     left, held = fit.verdict.not_at, getattr(fit.recorded and fit.recorded.hold_out, "held_pct", None)
     unseen = "" if held is None else f", {number(held, 3)} % of what was left out"
     usable = f"usable{f', not at {enumerated(left, fit.data.input_unit)}' if left else ''}"
