@@ -114,9 +114,9 @@ def chips(results: Results) -> tuple[str, ...]:
     if about is not None:
         texts.append(f"{about.input_unit} → {about.output_unit}")
     levels = sorted(row.level for row in data.levels) if data is not None else sorted(fit.data.levels) if fit else []
-    if fit is not None and fit.recorded is not None and fit.recorded.logs:
-        logs = fit.recorded.logs
-        texts.append(f"{counted(len(logs), 'log')} as recorded, {sum(log.duration_s for log in logs):.4g} s")
+    if fit is not None and fit.logs:
+        seconds = sum(log.duration_s for log in fit.logs)
+        texts.append(f"{counted(len(fit.logs), 'log')} as recorded, {seconds:.4g} s")
     if levels and about is not None:
         texts.append(span(levels, about.input_unit))
     texts += [f"{letter}: {name}" for one in results.comparisons for letter, name in one.result.files.items()]
@@ -251,7 +251,7 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
         yield "The rig over its sessions", "sessions", _picture([sessions.control_panel(rig)])
     for one in (given.result for given in results.comparisons if given.result.values):
         yield "Sessions on top of each other", "sessions", _picture([sessions.values_panel(one)])
-    drawn = replays.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
+    drawn = replays.drawn_logs(fit.logs) if fit is not None else []
     if fit is not None and drawn:  # the input, and below it the output and the model driven by that input alone
         units = fit.data.input_unit, fit.data.output_unit
         yield "Measured against model", "model", _picture(replays.log_panels(drawn[-1].curve, units)[:2], (1, 2))
