@@ -33,8 +33,9 @@ ABOUT_THE_CURVE = {"shape-misses", "other-shape-fits-better"}
 ByPart = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, the gravest first
 
 
-def known_findings(results: Results) -> ByPart:
-    """All findings of the results, sorted; those of one code as one."""
+def known_findings(results: Results, kind: str | None = None) -> ByPart:
+    """All findings, of fits and data those of one kind, the page's own or another; sorted, those of one code as one."""
+    results = results.of_kind(kind or results.main_kind)
     found: dict[str, list[Finding]] = {
         "data": [one for data in results.data for one in data.result.all_findings], "model": [],
         "controller": [one for gains in results.gains for one in gains.result.findings],
@@ -128,7 +129,7 @@ def chips(results: Results) -> tuple[str, ...]:
 def lights(results: Results) -> tuple[Light, ...]:
     """Sessions where there are any, data, model and controller at a glance; by the severity of what was found, never by
     its words."""
-    found = known_findings(results.main)
+    found = known_findings(results)
     several = tuple(_sessions(results))
     if several and not (results.fits or results.gains or results.data):
         return several
