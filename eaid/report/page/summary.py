@@ -14,7 +14,7 @@ from eaid.report.figures.residuals import residual_panels
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import EXPERIMENT_NAMES, Results
 from eaid.report.rig import level_text
-from eaid.report.tables import Table, columns
+from eaid.report.tables import Column, Table
 from eaid.report.tables.data import distinct, is_warned
 from eaid.report.tables.gains import controllers_table, guarantee_story
 from eaid.report.tables.replays import errors_table
@@ -69,14 +69,14 @@ def tables(results: Results) -> tuple[Table, ...]:
     found += [shifts_table(given.result) for given in results.comparisons if given.result.shifts]
     found += [promise_table(given.result) for given in results.comparisons if given.result.promise]
     if results.main_fit is not None and (cells := summary.values(results.main_fit)):
-        heads = [head.replace("[", "(").replace("]", ")") for head in cells[0]]
+        heads = tuple(Column(head.replace("[", "(").replace("]", ")")) for head in cells[0])
         part = results.main_fit.nonlinear
         curve = "through which T_s(u) goes" if part and part.Ts_through else "which the model's curve may miss"
         own = part is not None and len(results.main_fit.friction_levels) > 1
         apart = any(one.values.get("lag") for one in results.main_fit.findings if one.code == "polynomials-too-low")
         of, others = ("T_s, τ1 and τ2", "") if apart else ("T_s", "; τ1, τ2: the curves'")
         whose = f"{of}: each level's own, {curve}{others}." if own else ""
-        found.append(Table("Values with 95 % intervals", whose, columns(*heads), tuple(map(tuple, cells[1:]))))
+        found.append(Table("Values with 95 % intervals", whose, heads, tuple(map(tuple, cells[1:]))))
     if results.gains:
         whole = controllers_table(results.gains[0].result)  # but for the gains themselves
         rows = tuple((name, *others) for name, _gains, *others in whole.rows)
