@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
-from eaid.findings import enumerated, merged, ranked, say
+from eaid.findings import Finding, enumerated, merged, ranked, say
 from eaid.findings.finding import MOST_TOLD, WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.steps import peak_of
-from eaid.results.common import ci95_of
+from eaid.results.common import Interval, ci95_of
 from eaid.results.plant import LAGS, FittedPlant
 from eaid.results.verdict import MODEL_PARTS, in_short
 from eaid.shown import counted, number, span
@@ -132,12 +132,10 @@ def plant_values(part: FittedPlant) -> list[tuple[str, str]]:
     units = {"gain": per, "gain_below": per, "omega": " rad/s", "zeta": "", "C": ""}
     for key, (value, ends) in part.numbers.items():
         name = "τ" if key == "tau1" and part.kind == "lag" else NUMBER_NAMES.get(key, key)
-        span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
-        unit = units.get(key, " s")
+        said, unit = _with_ends(value, ends, 4), units.get(key, " s")
         if part.paced and key in LAGS:
-            value, high = (part.at(u)[key][0] for u in part.u_range)
-            span, unit = f" … {high:.4g}", f"{unit} over the input"
-        found.append((name, f"{value:.4g}{span}{unit}"))
+            said, unit = " … ".join(f"{part.at(u)[key][0]:.4g}" for u in part.u_range), f"{unit} over the input"
+        found.append((name, f"{said}{unit}"))
     return found
 
 
@@ -157,15 +155,15 @@ def _hold_line(fit: "Fit") -> list[str]:
     return [f"held   at {level}: {', '.join(filter(None, said))}"]
 
 
-def warned(fit: "Fit") -> tuple[str, ...]:
-    """The three gravest findings that are more than notes, by their codes, and what they mean for all else."""
-    grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"]
-    return tuple(in_short(one) + MEANT.get(one.code, "") for one in grave[:MOST_TOLD])
+def _by_codes(findings: Sequence[Finding]) -> str:
+    """Findings by their codes, and what they mean for all else."""
+    return ", ".join(in_short(one) + MEANT.get(one.code, "") for one in findings)
 
 
 def usable_line(fit: "Fit") -> str:
-    """Whether it may be used, and its gravest warnings: the last line of its answer."""
-    said, left = ", ".join(warned(fit)), fit.verdict.not_at
+    """Whether it may be used, and its three gravest warnings: the last line of its answer."""
+    grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"]
+    said, left = _by_codes(grave[:MOST_TOLD]), fit.verdict.not_at
     but = f", not at {enumerated(left, fit.data.input_unit)}" if left else ""
     if not fit.verdict.usable:
         return f"stop   {said}"
@@ -176,8 +174,7 @@ def list_cautions(fit: "Fit") -> list[str]:
     """What of a fit's warnings matters to what is made of it, and what it means, in one line; none without."""
     about = [one for one in fit.verdict.warnings if one.subject in MODEL_PARTS or one.code in MEANT]
     about = sorted(about, key=lambda one: one.code not in MEANT)[: MOST_TOLD + 1]
-    said = (f"{in_short(one)}{MEANT.get(one.code, '')}" for one in about)
-    return [f"of a fit that warned: {', '.join(said)}"] if about else []
+    return [f"of a fit that warned: {_by_codes(about)}"] if about else []
 
 
 def values(fit: "Fit") -> list[list[str]]:
@@ -243,16 +240,18 @@ def _fit_pct(fit: "Fit") -> str:
 
 def _value(row: "CurveLevel | FrictionLevel", name: str, asked: bool) -> str:
     value = getattr(row, name)
-    if value is None:
-        return "–"
-    if row.ci95 is not None and getattr(row.ci95, name) is not None:
+    if value is None or ci95_of(row, name) is not None:
         return _with_interval(row, name)
     return "not estimable" if name != "Ts" and value > ENDLESS_S else f"{value:.3g}" + " (not estimable)" * asked
 
 
 def _with_interval(row: "CurveLevel | FrictionLevel | StepShape | LevelResponse", name: str) -> str:
     """A value with its interval; a dash where there is none."""
-    value, ends = getattr(row, name), ci95_of(row, name)
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if ends is None else f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})"
+    value = getattr(row, name)
+    return "–" if value is None else _with_ends(value, ci95_of(row, name), 3)
+
+
+def _with_ends(value: float, ends: Interval, digits: int) -> str:
+    """`2.1 (1.9 … 2.3)`, or the value alone."""
+    both = "" if ends is None else f" ({ends[0]:.{digits}g} … {ends[1]:.{digits}g})"
+    return f"{value:.{digits}g}{both}"
