@@ -105,7 +105,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
     @property
     def params(self) -> "pandas.Series[float]":
         """All fitted parameters, indexed by (model, parameter)."""
-        values = [np.nan if row.value is None else row.value for row in self.parameters]
+        values = statistics.interval_columns(self.parameters)[0]
         return pandas.Series(values, index=statistics.index_of(self.parameters), name="value", dtype=float)
 
     def conf_int(self, alpha: float = 0.05) -> "pandas.DataFrame":
