@@ -60,11 +60,6 @@ class Results:
         """The kind that the page is about: the clutch where there is one."""
         return next(iter(self.kinds), None)
 
-    @property
-    def main(self) -> "Results":
-        """The same without fits and data of other kinds."""
-        return self.of_kind(self.main_kind)
-
     def of_kind(self, kind: str | None) -> "Results":
         """The same with fits and data of one kind alone."""
         fits = tuple(one for one in self.fits if one.result.data.kind == kind)
@@ -73,12 +68,12 @@ class Results:
     @property
     def main_fit(self) -> Fit | None:
         """The first fit of that kind."""
-        return self.fit(self.main_kind or "")
+        return self.fit(self.main_kind)
 
     @property
     def main_data(self) -> StepSet | None:
         """The first dataset of that kind that holds steps from rest."""
-        return self.data_of(self.main_kind or "")
+        return self.data_of(self.main_kind)
 
     @property
     def about(self) -> FittedData | StepSet | None:
@@ -90,11 +85,11 @@ class Results:
         """Whether the page's own kind was recorded as the paper's was."""
         return self.main_kind is None or of_the_paper(self.about)
 
-    def fit(self, kind: str) -> Fit | None:
+    def fit(self, kind: str | None) -> Fit | None:
         """The first fit of a kind."""
         return next((one.result for one in self.fits if one.result.data.kind == kind), None)
 
-    def data_of(self, kind: str) -> StepSet | None:
+    def data_of(self, kind: str | None) -> StepSet | None:
         """The first dataset of a kind that holds steps from rest, which is what figures of levels show, without what
         its fit is without."""
         found = next((one.result for one in self.data if one.result.kind == kind and one.result.levels), None)
@@ -193,11 +188,9 @@ def read_result(path: Path) -> tuple[Any, tuple[Finding, ...]]:
     schema = ""
     with contextlib.suppress(OSError, KeyError, RuntimeError), h5py.File(path) as file:  # damaged: its reader says so
         schema = file.attrs.get("schema", "")
-    return (
-        replay_file.read_replay_file(path)
-        if schema == replay_file.REPLAY_SCHEMA
-        else (read_steps([path], ReadOptions())[1], ())
-    )
+    if schema == replay_file.REPLAY_SCHEMA:
+        return replay_file.read_replay_file(path)
+    return read_steps([path], ReadOptions())[1], ()
 
 
 def drawable_replay(replay: Replay, path: Path) -> Replay:

@@ -205,27 +205,25 @@ def _keys(where: str) -> list[str | int]:
     return [int(key) if key.isdigit() else key for key in re.findall(r"[^.\[\]]+", where)]
 
 
-def _struct_in(hint: Any) -> Any:
-    """The first struct type inside a type, None where there is none."""
-    if isinstance(hint, type) and issubclass(hint, msgspec.Struct):
-        return hint
-    return next((one for argument in typing.get_args(hint) if (one := _struct_in(argument)) is not None), None)
+def _holds_struct(hint: Any) -> bool:
+    """Whether a type is a struct, or has one inside."""
+    is_struct = isinstance(hint, type) and issubclass(hint, msgspec.Struct)
+    return is_struct or any(map(_holds_struct, typing.get_args(hint)))
 
 
 @cache
 def result_fields(type_: type) -> frozenset[str]:
     """The fields of a result that hold results of their own."""
-    return frozenset(name for name, hint in typing.get_type_hints(type_).items() if _struct_in(hint) is not None)
+    return frozenset(name for name, hint in typing.get_type_hints(type_).items() if _holds_struct(hint))
 
 
 def _sentence(what: str, where: str, content: Any) -> str:
     """What is wrong with a value, by the name of its key."""
     reason = what.replace("`", "")
     try:
-        content = reduce(getitem, _keys(where), content)
+        text = json.dumps(reduce(getitem, _keys(where), content), ensure_ascii=False)
     except (KeyError, IndexError, TypeError):
         return f"its {where} is wrong ({reason})"
-    text = json.dumps(content, ensure_ascii=False)
     return f"its {where or 'content'} is {text if len(text) <= 40 else text[:37] + '…'} ({reason})"
 
 

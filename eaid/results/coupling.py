@@ -69,13 +69,11 @@ class Coupling(codec.Saved, Made, frozen=True):
 
     def summary(self) -> str:
         """The stiffest passive and stable wall of each loop at each torque, and the gravest findings."""
-        rows = [
-            f"{wall.loop} at {wall.torque_nm:g} {self.output_unit}: passive {wall.K_passive:.4g}, stable "
-            f"{wall.K_stable:.4g} {self.units[0]}"
-            if wall.K_passive is not None and wall.K_stable is not None
-            else f"{wall.loop} at {wall.torque_nm:g} {self.output_unit}: no limit below 1e6 {self.units[0]}"
-            for wall in self.walls
-        ]
+        rows = []
+        for wall in self.walls:
+            known = wall.K_passive is not None and wall.K_stable is not None
+            said = f"passive {wall.K_passive:.4g}, stable {wall.K_stable:.4g}" if known else "no limit below 1e6"
+            rows.append(f"{wall.loop} at {wall.torque_nm:g} {self.output_unit}: {said} {self.units[0]}")
         return "\n".join([*rows, *sentences(self.findings[:3])])
 
     def to_frame(self) -> "pandas.DataFrame":

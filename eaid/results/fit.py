@@ -105,7 +105,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
     @property
     def params(self) -> "pandas.Series[float]":
         """All fitted parameters, indexed by (model, parameter)."""
-        values = [np.nan if row.value is None else row.value for row in self.parameters]
+        values = statistics.interval_columns(self.parameters)[0]
         return pandas.Series(values, index=statistics.index_of(self.parameters), name="value", dtype=float)
 
     def conf_int(self, alpha: float = 0.05) -> "pandas.DataFrame":
@@ -186,27 +186,21 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         near = min(shown, key=lambda one: abs(one - level), default=level)
         level = near if math.isclose(near, level, rel_tol=AS_PRINTED) else level
         rows = {row.name: row for row in self.parameters if row.level is not None and math.isclose(row.level, level)}
-        p, other = self.nonlinear, self._of_another_plant(level)
-        if other:
-            return pandas.DataFrame.from_dict(other, orient="index", columns=["value", "low", "high"], dtype=float)
-        if rows.keys() >= SYMBOLS.keys():
-            found = [(rows[name].value, rows[name].low, rows[name].high) for name in SYMBOLS]
-        elif p is None or not p.u_range[0] <= level <= p.u_range[1]:
-            inside = "" if p is not None else "the levels "
-            raise self._outside("level", level, self.data.levels if p is None else p.u_range, inside)
+        p, other = self.nonlinear, self.another_plant if self.nonlinear is None else None
+        part = p or other
+        found: dict[str, tuple[float | None, ...]]
+        if other is None and rows.keys() >= SYMBOLS.keys():
+            found = {name: (rows[name].value, rows[name].low, rows[name].high) for name in SYMBOLS}
+        elif part is None or not part.u_range[0] <= level <= part.u_range[1]:
+            inside = "" if part is not None else "the levels "
+            raise self._outside("level", level, self.data.levels if part is None else part.u_range, inside)
+        elif isinstance(part, FittedPlant):
+            found = {name: (value, *(ends or (None, None))) for name, (value, ends) in part.at(level).items()}
         else:
-            values = (p.parameters.steady(level), *p.parameters.time_constants(level))
-            found = [self._on_curve(p, *pair, level) for pair in zip(SYMBOLS, map(float, values), strict=True)]
-        return pandas.DataFrame(found, index=list(SYMBOLS), columns=["value", "low", "high"], dtype=float)
-
-    def _of_another_plant(self, level: float) -> dict[str, tuple[float | None, ...]]:
-        """T_s at an input and what a plant of another kind is known by there; none of a clutch."""
-        part = self.plant_
-        if part is None or self.nonlinear is not None or not part.another:
-            return {}
-        if not part.u_range[0] <= level <= part.u_range[1]:
-            raise self._outside("level", level, part.u_range)
-        return {key: (value, *(ends or (None, None))) for key, (value, ends) in part.at(level).items()}
+            values = (part.parameters.steady(level), *part.parameters.time_constants(level))
+            known = zip(SYMBOLS, map(float, values), strict=True)
+            found = {name: self._on_curve(part, name, value, level) for name, value in known}
+        return pandas.DataFrame.from_dict(found, orient="index", columns=["value", "low", "high"], dtype=float)
 
     def _on_curve(self, p: models.Nonlinear, name: str, value: float, level: float) -> tuple[float, float, float]:
         """A value of a polynomial and its 95 % interval, on its logarithm, by the covariance of the coefficients; no
@@ -346,6 +340,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
             raise DataError("this fit holds no nonlinear model; fit clutch logs with «model» nonlinear")
         plant = with_release(self.nonlinear.parameters, self.release, self.friction_levels)
         return replace(plant, dead_time_s=self.dead_time_s)
+
+    @property
+    def another_plant(self) -> FittedPlant | None:
+        """The plant where evidence asked for another kind than the clutch's."""
+        return self.plant_ if self.plant_ is not None and self.plant_.another else None
 
     @property
     def logs(self) -> tuple[LogFit, ...]:

@@ -35,8 +35,7 @@ def parameters_of(fit: Fit) -> tuple[Parameter, ...]:
 
 def _plant(fit: Fit) -> Iterator[Known]:
     """What a plant of another kind is known by."""
-    if fit.nonlinear is None and fit.plant_ is not None and fit.plant_.another:
-        part = fit.plant_
+    if fit.nonlinear is None and (part := fit.another_plant) is not None:
         for name, (value, ends) in part.numbers.items():
             if not (part.paced and name in LAGS):
                 yield "plant", name, "", value, ends, {}

@@ -28,7 +28,6 @@ ENGAGED, RELEASED = 0.9, 0.1  # Shares of the held output
 WIDEST = 2.3  # Half-width of a logarithm, a factor of ten, beyond which an interval says nothing
 NOISE = 0.01  # Share of the held output that noise may be of means
 OF_SLIPS, TIMES = ("peak", "peak_s", "slip"), ("engaged_s", "peak_s", "released_s")
-OF_RESPONSES = ("held", "engaged_s", "peak", "peak_s", "slip", "released_s")
 
 
 class ResponseIntervals(Result, frozen=True):
@@ -66,7 +65,7 @@ def responses_of(steps: StepSet, findings: Sequence[Finding]) -> tuple[LevelResp
     slipping = {u for one in findings if one.code == "output-decays-under-hold" for u in one.levels}
     falls = {one.level: one for one in steps.releases}
     measured = [_measured(one, falls.get(one.level)) for one in steps.levels]
-    spreads = {name: _pooled_spread(measured, name) for name in OF_RESPONSES}
+    spreads = {name: _pooled_spread(measured, name) for name in ResponseIntervals.__struct_fields__}
     rows = zip(steps.levels, measured, strict=True)
     return tuple(_response_row(one, each, spreads, one.level in slipping) for one, each in rows)
 
@@ -76,7 +75,7 @@ def _response_row(
 ) -> LevelResponse:
     values: dict[str, float] = {}
     ends: dict[str, Interval] = {}
-    for name in OF_RESPONSES:
+    for name in spreads:
         found = measured[name]
         if len(found) == 0 or not np.isfinite(found).all() or (name in OF_SLIPS and not slips):
             continue

@@ -32,7 +32,7 @@ SAME_MIDDLE = 1e-6  # Part of an interval by which a value lies off its middle a
 
 def first_model(fit: "Fit") -> str:
     """The model that a fit stands for: its plant of another kind, or the first model of steps."""
-    if fit.plant_ is not None and fit.plant_.another:
+    if fit.another_plant is not None:
         return PLANT
     found = next((name for name in FIRST_MODELS if getattr(fit, name) is not None), None)
     if found is None:

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, TypeVar
 
-from eaid.findings import enumerated, merged, ranked, say
+from eaid.findings import Finding, enumerated, merged, ranked, say
 from eaid.findings.finding import MOST_TOLD, WORD
 from eaid.findings.row import SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.steps import peak_of
-from eaid.results.common import ci95_of
-from eaid.results.plant import LAGS
+from eaid.results.common import Interval, ci95_of
+from eaid.results.plant import LAGS, FittedPlant
 from eaid.results.verdict import MODEL_PARTS, in_short
 from eaid.shown import counted, number, span
 
@@ -62,21 +62,16 @@ def runs(fit: "Fit", noun: str) -> str:
 def answer(fit: "Fit") -> list[str]:
     """The lines that answer first: fit %, values with 95 % intervals where they matter, which estimate they are."""
     model = fit.nonlinear
-    told = of_another_kind(fit) and fit.plant_ is not None and fit.plant_.tried[0].gain != "curve"  # by its own line
+    told = fit.another_plant is not None and fit.another_plant.tried[0].gain != "curve"  # by its own line
     lines = [f"fit    {_fit_pct(fit)}", *replayed(fit), *unseen(fit), *plant_lines(fit), *([] if told else _shown(fit))]
     if model is not None and steps_of_other_shapes(fit):
         lines.append("shown  single steps with their dead times; the models have none")
-    elif model is not None and not of_another_kind(fit):
+    elif model is not None and fit.another_plant is None:
         used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
         parted = any(one.code in ("joint-fit-parts", "joint-fit-asked-for-parts") for one in fit.findings)
         apart = " (not the joint fit, which gains that scatter lead astray)" if parted else ""
         lines.append(f"used   {used}{apart}")
     return [*lines, *_hold_line(fit)]
-
-
-def of_another_kind(fit: "Fit") -> bool:
-    """Whether the plant is of another kind than the clutch's."""
-    return fit.plant_ is not None and fit.plant_.another
 
 
 def replayed(fit: "Fit") -> list[str]:
@@ -117,10 +112,10 @@ def held_out_line(fit: "Fit") -> list[str]:
 def plant_lines(fit: "Fit") -> list[str]:
     """The plant where it is of another kind than the clutch's: its numbers with intervals; of one that overshoots the
     peak of a step over its end, when, and what it loses again."""
-    part = fit.plant_
-    if part is None or not part.another:
+    part = fit.another_plant
+    if part is None:
         return []
-    numbers = [f"{name} {value}" for name, value in plant_values(fit)]
+    numbers = [f"{name} {value}" for name, value in plant_values(part)]
     said = [f"plant  {kind_in_words(part.tried[0].kind)}: {', '.join(numbers)}"]
     if part.kind == "overshoot":
         at, peak = peak_of(replace(part.plant.at(part.u_range[1]), Ts=1.0))
@@ -129,21 +124,18 @@ def plant_lines(fit: "Fit") -> list[str]:
     return said
 
 
-def plant_values(fit: "Fit") -> list[tuple[str, str]]:
+def plant_values(part: FittedPlant) -> list[tuple[str, str]]:
     """Gain, time constants, frequency and damping, dead time of a plant, each with its unit and interval."""
-    part, found = fit.plant_, []
-    assert part is not None
+    found = []
     both = part.output_unit, part.input_unit
     per = f" {'/'.join(both)}" if all(both) else ""
     units = {"gain": per, "gain_below": per, "omega": " rad/s", "zeta": "", "C": ""}
     for key, (value, ends) in part.numbers.items():
         name = "τ" if key == "tau1" and part.kind == "lag" else NUMBER_NAMES.get(key, key)
-        span = "" if ends is None else f" ({ends[0]:.4g} … {ends[1]:.4g})"
-        unit = units.get(key, " s")
+        said, unit = _with_ends(value, ends, 4), units.get(key, " s")
         if part.paced and key in LAGS:
-            value, high = (part.at(u)[key][0] for u in part.u_range)
-            span, unit = f" … {high:.4g}", f"{unit} over the input"
-        found.append((name, f"{value:.4g}{span}{unit}"))
+            said, unit = " … ".join(f"{part.at(u)[key][0]:.4g}" for u in part.u_range), f"{unit} over the input"
+        found.append((name, f"{said}{unit}"))
     return found
 
 
@@ -157,21 +149,21 @@ def _hold_line(fit: "Fit") -> list[str]:
         if getattr(top, name) is not None:
             said.append(f"{verb} {_with_interval(top, name)} s")
     if top.peak is not None:
-        shown = of_another_kind(fit)
+        shown = fit.another_plant is not None
         said.append(f"peaks at {top.peak:.3g}{unit} after {top.peak_s:.3g} s{', so T_s is an average' * (not shown)}")
     level = f"{top.level:.4g} {fit.data.input_unit}".rstrip()
     return [f"held   at {level}: {', '.join(filter(None, said))}"]
 
 
-def warned(fit: "Fit") -> tuple[str, ...]:
-    """The three gravest findings that are more than notes, by their codes, and what they mean for all else."""
-    grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"]
-    return tuple(in_short(one) + MEANT.get(one.code, "") for one in grave[:MOST_TOLD])
+def _by_codes(findings: Sequence[Finding]) -> str:
+    """Findings by their codes, and what they mean for all else."""
+    return ", ".join(in_short(one) + MEANT.get(one.code, "") for one in findings)
 
 
 def usable_line(fit: "Fit") -> str:
-    """Whether it may be used, and its gravest warnings: the last line of its answer."""
-    said, left = ", ".join(warned(fit)), fit.verdict.not_at
+    """Whether it may be used, and its three gravest warnings: the last line of its answer."""
+    grave = [one for one in ranked(merged(fit.findings)) if one.severity != "note"]
+    said, left = _by_codes(grave[:MOST_TOLD]), fit.verdict.not_at
     but = f", not at {enumerated(left, fit.data.input_unit)}" if left else ""
     if not fit.verdict.usable:
         return f"stop   {said}"
@@ -182,17 +174,16 @@ def list_cautions(fit: "Fit") -> list[str]:
     """What of a fit's warnings matters to what is made of it, and what it means, in one line; none without."""
     about = [one for one in fit.verdict.warnings if one.subject in MODEL_PARTS or one.code in MEANT]
     about = sorted(about, key=lambda one: one.code not in MEANT)[: MOST_TOLD + 1]
-    said = (f"{in_short(one)}{MEANT.get(one.code, '')}" for one in about)
-    return [f"of a fit that warned: {', '.join(said)}"] if about else []
+    return [f"of a fit that warned: {_by_codes(about)}"] if about else []
 
 
 def values(fit: "Fit") -> list[list[str]]:
     """Heading and rows: T_s, τ1 and τ2 at the lowest, the middle and the highest level; where single steps stand for
     the levels their changes, with dead times where there are any. No rows, no heading."""
-    data, steps, plant = fit.data, steps_of_other_shapes(fit), fit.plant_
+    data, steps, plant = fit.data, steps_of_other_shapes(fit), fit.another_plant
     out = data.output_unit
-    if plant is not None and plant.another and plant.tried[0].gain != "curve":
-        return [[kind_in_words(plant.tried[0].kind), ""], *map(list, plant_values(fit))]
+    if plant is not None and plant.tried[0].gain != "curve":
+        return [[kind_in_words(plant.tried[0].kind), ""], *map(list, plant_values(plant))]
     if steps:
         late = any(one.dead_time_s for one in steps)
         heading = ["step", f"change [{out}]", "τ1 [s]", "τ2 [s]", *(["dead [s]"] if late else [])]
@@ -202,7 +193,7 @@ def values(fit: "Fit") -> list[list[str]]:
             for one in _three(steps)
         ]  # fmt: skip
     else:
-        names = list(SYMBOLS)[: 2 if plant is not None and plant.kind == "lag" else 3]
+        names = list(SYMBOLS)[: 2 if fit.plant_ is not None and fit.plant_.kind == "lag" else 3]
         heading = [f"level [{data.input_unit}]", f"T_s [{out}]", "τ1 [s]", "τ2 [s]"][: len(names) + 1]
         levels: Sequence[CurveLevel | FrictionLevel] = fit.level_values
         asked = any(row.ci95 is not None for row in levels)
@@ -212,7 +203,7 @@ def values(fit: "Fit") -> list[list[str]]:
 
 def steps_of_other_shapes(fit: "Fit") -> "list[StepShape]":
     """The single steps, where no level is fitted, or where most of them ask for a dead time that the models lack."""
-    if of_another_kind(fit):
+    if fit.another_plant is not None:
         return []
     taken_over = fit.plant_ is not None and fit.plant_.dead_time_s > 0
     late = 0 if taken_over else sum(step.dead_time_s > 0 for step in fit.steps)
@@ -233,8 +224,8 @@ def _shown(fit: "Fit") -> list[str]:
 
 def _fit_pct(fit: "Fit") -> str:
     said = []
-    if fit.plant_ is not None and fit.plant_.another:
-        said.append(f"plant {fit.plant_.tried[0].fit_pct or 0.0:.1f} %")
+    if fit.another_plant is not None:
+        said.append(f"plant {fit.another_plant.tried[0].fit_pct or 0.0:.1f} %")
     for name in ("linear",) if said else ("nonlinear", "linear"):
         part = getattr(fit, name)
         if part is not None and part.fit_pct is not None:
@@ -249,16 +240,18 @@ def _fit_pct(fit: "Fit") -> str:
 
 def _value(row: "CurveLevel | FrictionLevel", name: str, asked: bool) -> str:
     value = getattr(row, name)
-    if value is None:
-        return "–"
-    if row.ci95 is not None and getattr(row.ci95, name) is not None:
+    if value is None or ci95_of(row, name) is not None:
         return _with_interval(row, name)
     return "not estimable" if name != "Ts" and value > ENDLESS_S else f"{value:.3g}" + " (not estimable)" * asked
 
 
 def _with_interval(row: "CurveLevel | FrictionLevel | StepShape | LevelResponse", name: str) -> str:
     """A value with its interval; a dash where there is none."""
-    value, ends = getattr(row, name), ci95_of(row, name)
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if ends is None else f"{value:.3g} ({ends[0]:.3g} … {ends[1]:.3g})"
+    value = getattr(row, name)
+    return "–" if value is None else _with_ends(value, ci95_of(row, name), 3)
+
+
+def _with_ends(value: float, ends: Interval, digits: int) -> str:
+    """`2.1 (1.9 … 2.3)`, or the value alone."""
+    both = "" if ends is None else f" ({ends[0]:.{digits}g} … {ends[1]:.{digits}g})"
+    return f"{value:.{digits}g}{both}"

@@ -163,8 +163,7 @@ def _records(fit: "Fit") -> list[tuple[float, float]]:
 
 def _beyond(fit: "Fit", model: str, steady: float, reached: list[float]) -> list[Finding]:
     """A steady output beyond what was reached: at the ends of the records, or by logs as they were recorded."""
-    logs = fit.recorded.logs if fit.recorded is not None else ()
-    reached = [*map(abs, reached), *(abs(y - (log.idle or 0.0)) for log in logs for y in log.curve.measured)]
+    reached = [*map(abs, reached), *(abs(y - (log.idle or 0.0)) for log in fit.logs for y in log.curve.measured)]
     largest = max(reached, default=0.0)
     if not largest > 0 or abs(steady) <= TIMES_REACHED * largest:
         return []

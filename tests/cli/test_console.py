@@ -8,7 +8,7 @@ import pytest
 
 from eaid.cli import console
 from eaid.findings import finding
-from eaid.report.tables import Table, columns
+from eaid.report.tables import Column, Table
 
 HEADS = ["level [%]", "T_s [N·m]", "τ1 [s]", "verdict"]
 ROWS = (("10", "0.14443", "0.2268", "converged"), ("100", "4.4234", "0.28", "held: " + "word " * 20))
@@ -31,7 +31,7 @@ def terminal(monkeypatch):
 def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width, terminal, capsys):
     terminal(width)
     title = "A title of some words, which is longer than forty letters are"
-    console.show(Table(title, "", columns(*HEADS), ROWS))
+    console.show(Table(title, "", tuple(map(Column, HEADS)), ROWS))
     console.speak("word " * 30)
     told = capsys.readouterr()
     assert max(map(len, (told.out + told.err).splitlines())) <= width
@@ -46,7 +46,7 @@ def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width
 def test_names_have_no_power_over_the_terminal(evil, capsys):
     console.fail(evil)
     console.speak(evil)
-    console.show(Table(evil, "", columns(evil), ((evil,),)))
+    console.show(Table(evil, "", (Column(evil),), ((evil,),)))
     told = capsys.readouterr()
     assert told.err.count("\n") == 2 and told.out.count("\n") == 3
     assert evil not in told.err + told.out

@@ -105,8 +105,7 @@ def recorded_input(replay: Replay) -> Sheet | None:
 
 def recorded_logs(fit: Fit) -> Sheet | None:
     """Measured output of logs and the model driven by their input alone."""
-    logs = fit.recorded.logs if fit.recorded is not None else ()
-    return logs_sheet(logs, (fit.data.input_unit, fit.data.output_unit))
+    return logs_sheet(fit.logs, (fit.data.input_unit, fit.data.output_unit))
 
 
 def drawn_logs(logs: Sequence[LogFit]) -> list[LogFit]:

@@ -9,7 +9,6 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.plant import linear
-from eaid.plant.respond import from_rest
 from eaid.report import panels as ink
 from eaid.report.panels import Axis, Line, Panel, Sheet, quantity
 from eaid.report.results import Results
@@ -31,13 +30,12 @@ def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, CurveOverTim
     """Level → the step response of the nonlinear model, or of the plant of another kind in its place."""
     if fit is None or (fit.nonlinear is None and fit.plant_ is None):
         return {}
-    return {one.level: partial(from_rest, fit.plant, u=one.level) for one in data.levels}
+    return {one.level: partial(fit.curve, "plant", one.level) for one in data.levels}
 
 
 def single_curves(fit: Fit | None) -> dict[float, CurveOverTime]:
     """Level → its own fitted curve."""
-    rows = fit.friction.levels if fit is not None and fit.friction is not None else ()
-    return {row.level: row.predict for row in rows}
+    return {row.level: row.predict for row in fit.friction_levels} if fit is not None else {}
 
 
 def some_of(levels: Sequence[T], most: int = DRAWN) -> list[T]:
@@ -105,34 +103,25 @@ def fitted_steps(fit: Fit) -> Panel:
 def nonlinear_model(data: StepSet, results: Results) -> Sheet:
     """Fig. 7: mean ± sd per level; the nonlinear model, Eq. (4), dashed, each level's RMSE behind its name."""
     fit = results.fit("clutch")
-    models = nonlinear_curves(fit, data)
     rows = fit.nonlinear.per_level if fit is not None and fit.nonlinear is not None else ()
     notes = {row.level: f"{row.rmse:.3f}" for row in rows if row.rmse is not None}
-    panel = steps_panel(data, models, notes, spread=True)
-    return Sheet([panel], 3.6, live=True)
+    return Sheet([steps_panel(data, nonlinear_curves(fit, data), notes, spread=True)], 3.6, live=True)
 
 
 def friction_steps(results: Results) -> Sheet | None:
     """Fig. 3: steps of the force dataset, else of the speed dataset, and the fitted Eq. (3) where there is any."""
     kind = "friction-force" if results.data_of("friction-force") is not None else "friction-speed"
-    data, fit = results.data_of(kind), results.fit(kind)
-    if data is None:
+    if (data := results.data_of(kind)) is None:
         return None
-    return Sheet([steps_panel(data, single_curves(fit))], 2.9, ink.COLUMN_IN, live=True)
+    return Sheet([steps_panel(data, single_curves(results.fit(kind)))], 2.9, ink.COLUMN_IN, live=True)
 
 
 def linear_model(data: StepSet, fit: Fit) -> Sheet | None:
     """Fig. 8: what was measured, and Eq. (8) of all levels, dashed, but where it ends below zero, as no clutch does."""
     if fit.linear is None:
         return None
-    model, dead_s = fit.linear.parameters, fit.dead_time_s
-
-    def response(t_s: Array, level: float) -> Array:
-        return linear.linear_response(model, np.maximum(t_s - dead_s, 0.0), level)
-
-    above = [row.level for row in data.levels if linear.steady(model, row.level) > 0]
-    curves = {level: partial(response, level=level) for level in above}
-    return Sheet([steps_panel(data, curves)], 3.2)
+    above = [row.level for row in data.levels if linear.steady(fit.linear.parameters, row.level) > 0]
+    return Sheet([steps_panel(data, {level: partial(fit.curve, "linear", level) for level in above})], 3.2)
 
 
 MOST_LEVEL_STEPS = 12  # Most steps from level to level that are drawn

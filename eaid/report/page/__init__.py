@@ -85,7 +85,7 @@ class Block:
 
 def parts(results: Results, drawn: Figures) -> list[Block]:
     """The parts that have anything to show, in the order of the page."""
-    known = summary.known_findings(results.main)
+    known = summary.known_findings(results)
     rehab = results.replay("rehab")
     others = [given.result for given in results.replays if given.result.head.scenario != "rehab"]
     tracked = [replay for replay in others if replay.head.scenario != "log"]
@@ -96,6 +96,11 @@ def parts(results: Results, drawn: Figures) -> list[Block]:
     replayed += [table for replay in tracked for table in replays.further_tables(replay)]
     shown = _of(drawn, "fig12_multisine", "own_reference", "fig11_steps", "log_replay")
     again = Block("How to do it again", lines=tuple(commands(results)))
+    files = table_of(
+        "Files", "The fingerprint (SHA-256) tells one version of a file from another.", _files(results),
+        ("file", lambda one: Name(one[0].path)), ("what it is", lambda one: Name(one[1])),
+        ("fingerprint", lambda one: Name(one[0].sha256)),
+    )  # fmt: skip
     every = [
         _sessions_part(results, known, drawn),
         _data_part(results, known, drawn),
@@ -105,25 +110,22 @@ def parts(results: Results, drawn: Figures) -> list[Block]:
         _part("Rehabilitation", {}, _of(drawn, "fig16_rehab", "fig17_rehab_errors"), [replays.modes_table(rehab)])
         if rehab is not None
         else None,
-        Block("Appendix", folds=(again, Block("Files", tables=(_files(results),)))),
+        Block("Appendix", folds=(again, Block("Files", tables=(files,)))),
     ]
     return [part for part in every if part is not None]
 
 
-def _files(results: Results) -> Table:
-    """The files given to the report."""
-    each: list[tuple[Sequence[Given[Any]], Callable[[Any], str]]] = [
-        (results.data, lambda one: f"data, {EXPERIMENT_NAMES[one.kind]}"),
-        (results.fits, lambda one: f"fit, {EXPERIMENT_NAMES[one.data.kind]}"), (results.gains, lambda _: "gains"),
-        (results.replays, lambda one: f"replay, {one.head.scenario}"), (results.couplings, lambda _: "virtual walls"),
-        (results.rigs, lambda _: "rig"), (results.comparisons, lambda _: "comparison"),
+def _files(results: Results) -> list[tuple[Given[Any], str, str]]:
+    """The files given to the report, what each is, and the command that makes it."""
+    each: list[tuple[Sequence[Given[Any]], str, Callable[[Any], str]]] = [
+        (results.data, "ingest", lambda one: f"data, {EXPERIMENT_NAMES[one.kind]}"),
+        (results.fits, "fit", lambda one: f"fit, {EXPERIMENT_NAMES[one.data.kind]}"),
+        (results.gains, "tune-rc", lambda _: "gains"),
+        (results.replays, "simulate", lambda one: f"replay, {one.head.scenario}"),
+        (results.couplings, "couple", lambda _: "virtual walls"), (results.rigs, "sessions", lambda _: "rig"),
+        (results.comparisons, "compare", lambda _: "comparison"),
     ]  # fmt: skip
-    files = [(given, said(given.result)) for some, said in each for given in some]
-    return table_of(
-        "Files", "The fingerprint (SHA-256) tells one version of a file from another.", files,
-        ("file", lambda one: Name(one[0].path)), ("what it is", lambda one: Name(one[1])),
-        ("fingerprint", lambda one: Name(one[0].sha256)),
-    )  # fmt: skip
+    return [(given, said(given.result), command) for some, command, said in each for given in some]
 
 
 def _of(drawn: Figures, *names: str) -> tuple[PageFigure, ...]:
@@ -148,7 +150,7 @@ def _of_another_kind(results: Results, kind: str) -> tuple[tuple[str, str], ...]
     """What was found of a kind that the page is not about: it stands in that kind's own fold."""
     if kind == results.main_kind:
         return ()
-    known = summary.known_findings(results.of_kind(kind))
+    known = summary.known_findings(results, kind)
     return _sentences(known["data"], True) + _sentences(known["model"], False)
 
 
@@ -318,17 +320,12 @@ def _after(found: Comparison) -> tuple[str, str]:
 
 def commands(results: Results) -> list[str]:
     """Command lines that make these files again; a result of the Python API says so."""
-    made: dict[str, tuple[Given[Any], ...]] = {
-        "fit": results.fits, "tune-rc": results.gains, "simulate": results.replays, "couple": results.couplings,
-        "sessions": results.rigs, "compare": results.comparisons,
-    }  # fmt: skip
-    lines = [f"eaid ingest LOGS -o {shlex.quote(data.path)}" for data in results.data]
-    paths = [one.path for some in (results.data, *made.values()) for one in some]
-    for command, one in ((command, one) for command, some in made.items() for one in some):
-        words = (one.result.head if command == "simulate" else one.result).command
+    lines, files = [], _files(results)
+    for one, _what, command in files:
+        words = ("LOGS",) if command == "ingest" else getattr(one.result, "head", one.result).command
         line = shlex.join(["eaid", command, *words, "-o", one.path])
         lines.append(line if words else f"{one.path}: made in Python by eaid.{command.replace('-', '_')}")
-    return [*lines, shlex.join(["eaid", "report", *paths, "-o", "report"])]
+    return [*lines, shlex.join(["eaid", "report", *(one.path for one, *_ in files), "-o", "report"])]
 
 
 WORDS = {"good": "Good", "care": "Warning", "bad": "Stop", "none": "–"}

@@ -14,7 +14,7 @@ from eaid.report.figures.residuals import residual_panels
 from eaid.report.panels import Axis, Panel, Sheet
 from eaid.report.results import EXPERIMENT_NAMES, Results
 from eaid.report.rig import level_text
-from eaid.report.tables import Table, columns
+from eaid.report.tables import Column, Table
 from eaid.report.tables.data import distinct, is_warned
 from eaid.report.tables.gains import controllers_table, guarantee_story
 from eaid.report.tables.replays import errors_table
@@ -33,8 +33,9 @@ ABOUT_THE_CURVE = {"shape-misses", "other-shape-fits-better"}
 ByPart = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings, the gravest first
 
 
-def known_findings(results: Results) -> ByPart:
-    """All findings of the results, sorted; those of one code as one."""
+def known_findings(results: Results, kind: str | None = None) -> ByPart:
+    """All findings, of fits and data those of one kind, the page's own or another; sorted, those of one code as one."""
+    results = results.of_kind(kind or results.main_kind)
     found: dict[str, list[Finding]] = {
         "data": [one for data in results.data for one in data.result.all_findings], "model": [],
         "controller": [one for gains in results.gains for one in gains.result.findings],
@@ -68,14 +69,14 @@ def tables(results: Results) -> tuple[Table, ...]:
     found += [shifts_table(given.result) for given in results.comparisons if given.result.shifts]
     found += [promise_table(given.result) for given in results.comparisons if given.result.promise]
     if results.main_fit is not None and (cells := summary.values(results.main_fit)):
-        heads = [head.replace("[", "(").replace("]", ")") for head in cells[0]]
+        heads = tuple(Column(head.replace("[", "(").replace("]", ")")) for head in cells[0])
         part = results.main_fit.nonlinear
         curve = "through which T_s(u) goes" if part and part.Ts_through else "which the model's curve may miss"
         own = part is not None and len(results.main_fit.friction_levels) > 1
         apart = any(one.values.get("lag") for one in results.main_fit.findings if one.code == "polynomials-too-low")
         of, others = ("T_s, τ1 and τ2", "") if apart else ("T_s", "; τ1, τ2: the curves'")
         whose = f"{of}: each level's own, {curve}{others}." if own else ""
-        found.append(Table("Values with 95 % intervals", whose, columns(*heads), tuple(map(tuple, cells[1:]))))
+        found.append(Table("Values with 95 % intervals", whose, heads, tuple(map(tuple, cells[1:]))))
     if results.gains:
         whole = controllers_table(results.gains[0].result)  # but for the gains themselves
         rows = tuple((name, *others) for name, _gains, *others in whole.rows)
@@ -114,9 +115,9 @@ def chips(results: Results) -> tuple[str, ...]:
     if about is not None:
         texts.append(f"{about.input_unit} → {about.output_unit}")
     levels = sorted(row.level for row in data.levels) if data is not None else sorted(fit.data.levels) if fit else []
-    if fit is not None and fit.recorded is not None and fit.recorded.logs:
-        logs = fit.recorded.logs
-        texts.append(f"{counted(len(logs), 'log')} as recorded, {sum(log.duration_s for log in logs):.4g} s")
+    if fit is not None and fit.logs:
+        seconds = sum(log.duration_s for log in fit.logs)
+        texts.append(f"{counted(len(fit.logs), 'log')} as recorded, {seconds:.4g} s")
     if levels and about is not None:
         texts.append(span(levels, about.input_unit))
     texts += [f"{letter}: {name}" for one in results.comparisons for letter, name in one.result.files.items()]
@@ -128,7 +129,7 @@ def chips(results: Results) -> tuple[str, ...]:
 def lights(results: Results) -> tuple[Light, ...]:
     """Sessions where there are any, data, model and controller at a glance; by the severity of what was found, never by
     its words."""
-    found = known_findings(results.main)
+    found = known_findings(results)
     several = tuple(_sessions(results))
     if several and not (results.fits or results.gains or results.data):
         return several
@@ -196,8 +197,8 @@ def _model(results: Results, known: ByPart) -> Light:
     percent = float(np.mean(percents)) if percents else None
     if fit.nonlinear is not None and fit.nonlinear.fit_pct is not None:  # of all its data
         percent = fit.nonlinear.fit_pct
-    if fit.plant_ is not None and fit.plant_.another:
-        percent = fit.plant_.tried[0].fit_pct
+    if fit.another_plant is not None:
+        percent = fit.another_plant.tried[0].fit_pct
     left, held = fit.verdict.not_at, getattr(fit.recorded and fit.recorded.hold_out, "held_pct", None)
     unseen = "" if held is None else f", {number(held, 3)} % of what was left out"
     usable = f"usable{f', not at {enumerated(left, fit.data.input_unit)}' if left else ''}"
@@ -251,7 +252,7 @@ def pictures(results: Results) -> Iterator[tuple[str, str, Sheet]]:
         yield "The rig over its sessions", "sessions", _picture([sessions.control_panel(rig)])
     for one in (given.result for given in results.comparisons if given.result.values):
         yield "Sessions on top of each other", "sessions", _picture([sessions.values_panel(one)])
-    drawn = replays.drawn_logs(fit.recorded.logs) if fit is not None and fit.recorded is not None else []
+    drawn = replays.drawn_logs(fit.logs) if fit is not None else []
     if fit is not None and drawn:  # the input, and below it the output and the model driven by that input alone
         units = fit.data.input_unit, fit.data.output_unit
         yield "Measured against model", "model", _picture(replays.log_panels(drawn[-1].curve, units)[:2], (1, 2))

@@ -81,11 +81,6 @@ INTERVAL: ColumnHead = ("95 % interval", "", 3)
 NOT_KNOWN = "not known"
 
 
-def columns(*heads: ColumnHead) -> tuple[Column, ...]:
-    """Columns from their heads, units and digits."""
-    return tuple(Column(head) if isinstance(head, str) else Column(*head) for head in heads)
-
-
 def table_of(heading: str, caption: str, items: Iterable[T], *parts: ColumnPart[T] | None) -> Table:
     """A table of one row an item and one column a part; a part that is None is left out."""
     heads, shows = zip(*(part for part in parts if part is not None), strict=True)
@@ -93,8 +88,8 @@ def table_of(heading: str, caption: str, items: Iterable[T], *parts: ColumnPart[
     rows = [[call(one) for call in calls] for one in items]
     asked = any(isinstance(row[k], tuple) for row in rows for k, head in enumerate(heads) if head == INTERVAL)
     keep = [k for k, head in enumerate(heads) if asked or head != INTERVAL]
-    cells = tuple(tuple(row[k] for k in keep) for row in rows)
-    return Table(heading, caption, columns(*(heads[k] for k in keep)), cells)
+    columns = tuple(Column(heads[k]) if isinstance(heads[k], str) else Column(*heads[k]) for k in keep)
+    return Table(heading, caption, columns, tuple(tuple(row[k] for k in keep) for row in rows))
 
 
 # Residuals against their own past and against the input
@@ -120,6 +115,6 @@ def cell_text(cell: Cell, column: Column) -> str:
     return cell if isinstance(cell, str) else number(cell, column.digits)
 
 
-def level(value: float | None) -> str:
+def level(value: float) -> str:
     """A level as people write it: 10, 17.5, 153."""
-    return "–" if value is None else f"{value:.4g}".replace("-", "−")
+    return f"{value:.4g}".replace("-", "−")

@@ -21,7 +21,7 @@ def unit_of_value(fit: Fit, name: str) -> str:
 
 def levels_table(fit: Fit) -> Table:
     """The friction curve of each level."""
-    rows, out = fit.friction.levels if fit.friction else (), fit.data.output_unit
+    rows, out = fit.friction_levels, fit.data.output_unit
     own = fit.nonlinear is None
     whose = "One curve for each level by itself." if own else "The nonlinear model's curve at each level."
     how = f" Intervals: {fit.uncertainty.ci}." if fit.uncertainty and fit.uncertainty.ci != "none" else ""

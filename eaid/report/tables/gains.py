@@ -142,9 +142,8 @@ def controllers_table(gains: Gains) -> Table:
     for name, one in (errors.rows if errors is not None else {}).items():
         held = gains.controllers_by_name.get(name)
         slopes = f"K_P {number(one.K_P, 3)}, K_I {number(one.K_I, 3)}"
-        told = Margin(one.stable, one.gain_db, one.phase_deg)
         title = COMPARED_ROWS.get(name, controller_name(name))
-        rows.append((title, slopes if held is None else _gains(name, held), _margin_cells(told), one.max_abs_error_nm))
+        rows.append((title, slopes if held is None else _gains(name, held), _margin_cells(one), one.max_abs_error_nm))
     if not rows:
         rows = [(controller_name(name), _gains(name, held), _margin_cells(margins.worst.get(name)), None)
                 for name, held in gains.controllers_by_name.items()]  # fmt: skip
@@ -237,7 +236,7 @@ def table_iv(gains: Gains) -> Table:
     )  # fmt: skip
 
 
-def _margin_cells(one: Margin | None) -> tuple[Cell, Cell]:
+def _margin_cells(one: Margin | Compared | None) -> tuple[Cell, Cell]:
     if one is None:
         return None, None
     return ("unstable", "–") if one.stable is False else (one.gain_db, one.phase_deg)

@@ -1,6 +1,7 @@
 """Tables of replays, for page and terminal: errors, guarantee, steps, tones, drawn plants, logs, modes."""
 
 from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from eaid.arrays import median
 from eaid.report.rig import SCENARIO_NAMES, controller_name
 from eaid.report.tables import OUTSIDE, Name, Table, level, outside, table_of
 from eaid.results.fit import Fit
-from eaid.results.replay import COLUMNS, Metrics, Replay
+from eaid.results.replay import COLUMNS, Replay
 from eaid.results.residuals import Correlation, correlation_of
 from eaid.shown import number
 
@@ -94,8 +95,8 @@ def log_table(replay: Replay, fits: Sequence[Fit] = ()) -> Table:
     those of the fits, or, where only names tell logs of datasets and folders, no name, are told as such."""
     out = replay.head.output_unit
 
-    def left(of: tuple[str, Metrics]) -> Correlation:
-        t, recorded, model, u = (replay.records[of[0]].columns[key] for key in COLUMNS)
+    def left(name: str) -> Correlation:
+        t, recorded, model, u = (replay.records[name].columns[key] for key in COLUMNS)
         return correlation_of([recorded - model], median(np.diff(t)), u)
 
     given = replay.head.inputs.get("log", ())
@@ -108,12 +109,12 @@ def log_table(replay: Replay, fits: Sequence[Fit] = ()) -> Table:
         "Another log, which the model has not seen" if fits and logs.isdisjoint(fitted)
         else "Recorded input through the model",
         f"Each log's own input drives the model: free run, and from each measured sample to the next. {OUTSIDE}",
-        replay.metrics("recorded-input").items(),
+        [(name, one, left(name)) for name, one in replay.metrics("recorded-input").items()],
         ("run", lambda of: Name(of[0])), (("RMSE", out, 3), lambda of: of[1].rms_difference_nm),
         (("largest", out, 3), lambda of: of[1].max_abs_difference_nm),
         (("mean, recorded − model", out, 3), lambda of: of[1].mean_difference_nm), ("R²", lambda of: of[1].R2),
         (("free-run fit", "%", 3), lambda of: of[1].fit_pct), (("one-step fit", "%", 3), lambda of: of[1].one_step_pct),
-        *outside(left),
+        *outside(itemgetter(2)),
     )  # fmt: skip
 
 
