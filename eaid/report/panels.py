@@ -153,9 +153,9 @@ CONTROLLER_STYLES: dict[str, tuple[str, Dash, str]] = {
     "rc": (BLUE, "-", "o"),
     "pi": (VERMILLION, "--", "s"),
     "open-loop": (GREEN, "-.", "^"),
-    "recorded": (GREY, "-", "x"),
     "inverse": (PURPLE, (0, (1, 1)), "D"),
-    "rc-no-rate": (ORANGE, (0, (3, 1, 1, 1)), "v"),
+    "pi-feedforward": (ORANGE, (0, (3, 1, 1, 1)), "v"),
+    "smith": (SKY, (0, (5, 1)), "P"),
 }
 
 

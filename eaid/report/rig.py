@@ -7,7 +7,7 @@ from eaid.results.models import FittedData
 from eaid.steps.stepset import StepSet
 
 CONTROLLER_NAMES = {name: row.title for name, row in LAW_KINDS.items()} | {
-    "open-loop": "open loop", "inverse": "model inverse", "rc-no-rate": "RC without rate",
+    "open-loop": "open loop", "inverse": "model inverse",
 }  # fmt: skip
 
 # Scenario → how it is called, in the order of the paper and of the page

@@ -102,6 +102,10 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
     base: Fit | None = None
     """The fit of the session with the most levels, from which that of today is made; None: a plain table."""
 
+    def __post_init__(self) -> None:
+        if not self.quantities:
+            raise ValueError("a rig without quantities")
+
     @property
     def names(self) -> list[str]:
         """The sessions in order."""

@@ -386,3 +386,11 @@ def test_table_iv_and_what_follows_from_it(report_of):
     rows = {row[0]: row for row in page.rows("Table IV")}
     assert rows["Bm"][1:3] == ["12.4", "8.600"] and rows["φ"][1:3] == ["0.0500", "0.1000"] and rows["QM"][2] == "–"
     assert rows["B̂"][1:3] == ["12.5", "12.80"] and rows["ρ, constant"][1:3] == ["10.81", "15.50"]
+
+
+def test_a_word_longer_than_a_file_name_stands_as_it_was_typed(report_of):
+    long = "belt == 'slipped' or " * 30
+    found = {"code": "spikes", "subject": "data", "severity": "stop", "values": {"of": 1, "samples": 2, "value": 9.0, "at_s": 2.0, "unit": "%"}}  # fmt: skip
+    fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "command": ["a.csv", "--where", long],
+           "findings": [found]}  # fmt: skip
+    assert any(long in shlex.split(command) for _why, command in report_of(fit).steps)

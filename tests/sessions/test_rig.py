@@ -231,6 +231,9 @@ def test_what_is_no_rig_or_comes_twice_is_named(tmp_path):
         eaid.sessions([tmp_path / "a.json"] * 3)
     with pytest.raises(eaid.UsageError, match="first: is a int"):
         eaid.compare(3, fit)
+    (tmp_path / "empty.json").write_text('{"schema": "eaid/rig/1"}')
+    with pytest.raises(eaid.DataError, match=r"empty\.json: .*a rig without quantities"):
+        eaid.load(tmp_path / "empty.json")
 
 
 def test_held_and_peak_are_foreseen_as_measured(slipping):

@@ -34,8 +34,9 @@ def nonlinear_curves(fit: Fit | None, data: StepSet) -> dict[float, CurveOverTim
 
 
 def single_curves(fit: Fit | None) -> dict[float, CurveOverTime]:
-    """Level → its own fitted curve."""
-    return {row.level: row.predict for row in fit.friction_levels} if fit is not None else {}
+    """Level → its own fitted curve, that of steps from rest where there are some."""
+    rows = sorted(fit.friction_levels, key=lambda row: row.from_ == 0) if fit is not None else ()
+    return {row.level: row.predict for row in rows}
 
 
 def some_of(levels: Sequence[T], most: int = DRAWN) -> list[T]:

@@ -7,6 +7,7 @@ escaped.
 import base64
 import hashlib
 import itertools
+import os
 import re
 import shlex
 from collections.abc import Callable, Iterable, Sequence
@@ -281,7 +282,7 @@ def _whole(name: str | Path) -> str:
 
 def _typed(one: Given[Any]) -> list[Any]:
     """The words that a result was asked for with, its files by their whole paths."""
-    return [_whole(word) if Path(word).exists() else word for word in one.result.command]
+    return [_whole(word) if os.path.exists(word) else word for word in one.result.command]  # any length of a word
 
 
 def _unused(beside: Given[Any], name: str) -> str:
