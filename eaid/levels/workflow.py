@@ -58,7 +58,6 @@ from eaid.steps.stepset import Level, StepSet
 
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 ODD_REPEAT = 0.01  # Probability at which a good repeat would be said to lie off the others
-Sets = tuple[StepSet, StepSet]  # Steps as they were recorded, and the same behind their dead time
 # Findings that no creep leaves behind it
 WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike", "polynomials-too-low")
 NO_STEP_CODES = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
@@ -103,18 +102,17 @@ def fit_steps(
         begin, as_given = Begin(), stepset
         if stepset.levels or not stepset.level_steps:
             begin = dead_time_of(stepset, options)
-            stepset = stepset.noted_late(-begin.dead_time_s)
-            recorded = stepset, cut_behind(stepset, begin.dead_time_s)
-            sets, result, scatter = _fit_without_tails(recorded, options, progress)
+            recorded = cut_behind(stepset.noted_late(-begin.dead_time_s), begin.dead_time_s)
+            stepset, result, scatter = _fit_without_tails(recorded, options, progress)
             if starts is None and (found := find_starts_apart(scatter)) is not None:
                 return fit_steps(lay_in_step(as_given, found), options, progress, found)
             no_step = [one for one in result.findings if one.code in NO_STEP_CODES]
-            if no_step and sum(len(one.levels) for one in no_step) < len(recorded[1].levels) - len(options.hold_out):
-                recorded = recorded[0].without(no_step), recorded[1].without(no_step)
-                sets, result, _ = _fit_without_tails(recorded, options, progress)
+            if no_step and sum(len(one.levels) for one in no_step) < len(recorded.levels) - len(options.hold_out):
+                recorded = recorded.without(no_step)
+                stepset, result, _ = _fit_without_tails(recorded, options, progress)
             if options.curve == "auto" and (flat := flat_levels(result)) is not None:
-                recorded, sets, result = _fit_within_limit(recorded, sets, result, flat, options, progress)
-            stepset, result = _fit_beside(recorded, sets, result, options, progress)
+                recorded, stepset, result = _fit_within_limit(recorded, stepset, result, flat, options, progress)
+            stepset, result = _fit_beside(recorded, stepset, result, options, progress)
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
         shapes = fit_single_steps(stepset, options)
@@ -157,98 +155,98 @@ def fit_steps(
 
 
 def _fit_within_limit(
-    recorded: Sets, sets: Sets, result: Fit, flat: Finding, options: FitOptions, progress: Callable[[], None] | None
-) -> tuple[Sets, Sets, Fit]:
-    """The sets as recorded, without tails, and their fit: of a drive that ends where levels are `flat`, where that
+    recorded: StepSet, stepset: StepSet, result: Fit, flat: Finding, options: FitOptions,
+    progress: Callable[[], None] | None,
+) -> tuple[StepSet, StepSet, Fit]:  # fmt: skip
+    """The set as recorded, without tails, and its fit: of a drive that ends where levels are `flat`, where that
     explains them as well."""
     if options.hold_out or options.bounds_levels:  # which may name levels beyond it
-        return recorded, sets, result
-    told = msgspec.structs.replace(flat, values={**flat.values, "how": "limit"})
-    first, behind = (limit_at(one, told) for one in recorded)
-    if first is None or behind is None:
-        return recorded, sets, result
-    without, within, _ = _fit_without_tails((first, behind), options, progress)
-    as_well = limit_explains_as_well(within, result, sets[1].levels)
-    return ((first, behind), without, within) if as_well else (recorded, sets, result)
+        return recorded, stepset, result
+    limited = limit_at(recorded, msgspec.structs.replace(flat, values={**flat.values, "how": "limit"}))
+    if limited is None:
+        return recorded, stepset, result
+    without, within, _ = _fit_without_tails(limited, options, progress)
+    as_well = limit_explains_as_well(within, result, stepset.levels)
+    return (limited, without, within) if as_well else (recorded, stepset, result)
 
 
 @np.errstate(all="ignore")  # tails of rounds that run away overflow
 def _fit_without_tails(
-    sets: Sets, options: FitOptions, progress: Callable[[], None] | None, near: Fit | None = None
-) -> tuple[Sets, Fit, Scatter]:
-    """The sets of steps without the tails of those before, where these matter, their fit, and how runs scatter; `near`
-    is a fit without tails of steps that differ little, in place of one with them."""
-    (_, behind), plain = sets, None
+    stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None, near: Fit | None = None
+) -> tuple[StepSet, Fit, Scatter]:
+    """The set without the tails of the steps before, where these matter, its fit, and how runs scatter; `near` is a fit
+    without tails of steps that differ little, in place of one with them."""
+    plain = None
     if near is None or not near.on_tails:
-        plain = _fit_levels(behind, options, progress)
+        plain = _fit_levels(stepset, options, progress)
         near = plain[0]
     if near.nonlinear is not None:
         begin = with_release(near.nonlinear.parameters, near.release)
-        found = find_tails(begin, behind)
-        if largest_part(behind, found)[0] >= TAIL_MATTERS and are_sound(behind, found):
-            return _fit_on_tails(sets, begin, near.release, options, progress)
-    return (sets, *(plain or _fit_levels(behind, options, progress)))
+        found = find_tails(begin, stepset)
+        if largest_part(stepset, found)[0] >= TAIL_MATTERS and are_sound(stepset, found):
+            return _fit_on_tails(stepset, begin, near.release, options, progress)
+    return (stepset, *(plain or _fit_levels(stepset, options, progress)))
 
 
 def _fit_on_tails(
-    sets: Sets, begin: Plant, release: Release | None, options: FitOptions, progress: Callable[[], None] | None
-) -> tuple[Sets, Fit, Scatter]:
-    """The sets of steps without their tails, which are settled from where they begin, and their fit on these."""
-    _, behind = sets
+    stepset: StepSet, begin: Plant, release: Release | None, options: FitOptions, progress: Callable[[], None] | None
+) -> tuple[StepSet, Fit, Scatter]:
+    """The set without its tails, which are settled from where they begin, and its fit on these."""
+    recorded, _ = split_held_out(stepset.levels, options.hold_out)
 
     def estimate(tails: Tails, without: StepSet) -> Estimate:
-        (recorded, _), (kept, _) = (split_held_out(one.levels, options.hold_out) for one in (behind, without))
+        kept, _ = split_held_out(without.levels, options.hold_out)
         return Estimate(kept, fit_levels_first(data_on_tails(recorded, tails), options.held_share))
 
-    tails, plant, falls = settle_tails(behind, begin, release, lambda *of: estimate(*of).parameters)
-    off, release = (take_off_tails(sets[0], plant, tails), take_off_tails(behind, plant, tails)), falls.release
-    errors = [with_release(one, release) for one in estimate(tails, off[1]).moved]
+    tails, plant, falls = settle_tails(stepset, begin, release, lambda *of: estimate(*of).parameters)
+    without, release = take_off_tails(stepset, plant, tails), falls.release
+    errors = [with_release(one, release) for one in estimate(tails, without).moved]
     errors += [with_release(plant, one) for one in falls.moved]
-    recorded, _ = split_held_out(behind.levels, options.hold_out)
-    data = data_on_tails(recorded, tails, [find_tails(one, behind) for one in errors])
-    result, scatter = _fit_levels(off[1], options, progress, data)
-    part, level = largest_part(behind, tails)
-    told = [finding("tails-taken-off", "data", [level], pct=100 * part, unit=behind.input_unit)]
-    large = {one.level for one in behind.levels if largest_part(replace(behind, levels=(one,)), tails)[0] > LARGE_TAIL}
+    data = data_on_tails(recorded, tails, [find_tails(one, stepset) for one in errors])
+    result, scatter = _fit_levels(without, options, progress, data)
+    part, level = largest_part(stepset, tails)
+    told = [finding("tails-taken-off", "data", [level], pct=100 * part, unit=stepset.input_unit)]
+    parts = {one.level: largest_part(replace(stepset, levels=(one,)), tails)[0] for one in stepset.levels}
+    large = {u for u, of_level in parts.items() if of_level > LARGE_TAIL}
     told += [  # a run on a large tail lies off by what is not known of that
         one for one in result.findings
         if one.subject != "release" and not (one.code == "repeat-is-off" and large.issuperset(one.levels))
     ]  # fmt: skip
     told += [finding("release-as-left", "release")] if release is not None and release.as_left else []
-    return off, msgspec.structs.replace(result, release=release, findings=tuple(told)), scatter
+    return without, msgspec.structs.replace(result, release=release, findings=tuple(told)), scatter
 
 
 def _fit_beside(
-    recorded: Sets, sets: Sets, result: Fit, options: FitOptions, progress: Callable[[], None] | None
+    recorded: StepSet, stepset: StepSet, result: Fit, options: FitOptions, progress: Callable[[], None] | None
 ) -> tuple[StepSet, Fit]:
-    """The set as it was recorded and its fit, with a C of its own and without a creep of its output where the runs show
-    them, and nobody has held C; `sets` are those of the fit so far, without tails."""
+    """The set and its fit, with a C of its own and without a creep of its output where the runs show them, and nobody
+    has held C; `stepset` is that of the fit so far, without the tails of the one `recorded`."""
     share, codes = None if result.uncertainty is None else result.uncertainty.share, {x.code for x in result.findings}
     decays = "output-decays-under-hold" in codes
     unheld = options.share == SHARE and options.estimator != "joint"  # that is the paper's own fit
-    single = all(len(level.runs) == 1 for level in sets[1].levels)  # which do not say what C they ask for
+    single = all(len(level.runs) == 1 for level in stepset.levels)  # which do not say what C they ask for
     asked = unheld and "rise-of-the-rig" not in codes and share is not None and (share.rejected or decays or single)
+    so_far = stepset, result
     if share is None or result.nonlinear is None or not asked:
-        return sets[0], result
-    free, creep = find_share_and_creep(sets[1], share, SHARE)
+        return so_far
+    free, creep = find_share_and_creep(stepset, share, SHARE)
     if creep is None and (decays or not free):
-        return sets[0], result
-    told, without = list[Finding](), (sets[0], result)
+        return so_far
+    told = list[Finding]()
     if creep is not None:
-        first, behind = (replace(one.without_creep(creep.rate, creep.t0_s), creep=creep) for one in recorded)
-        recorded = (first, behind)
+        recorded = replace(recorded.without_creep(creep.rate, creep.t0_s), creep=creep)
         low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
         told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
     options = replace(options, share="free") if free else options
-    sets, result, _ = _fit_without_tails(recorded, options, progress, result)
+    stepset, result, _ = _fit_without_tails(recorded, options, progress, result)
     if creep is not None and any(one.code in WRONG_FORM for one in result.findings):
-        return without  # it is of the form that is wrong, as that of a plant which rings
+        return so_far  # it is of the form that is wrong, as that of a plant which rings
     if free and result.nonlinear is not None:
         C, known = result.nonlinear.C, result.nonlinear.ci95
         low, high = (known and known.C) or (C, C)
         told.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=C, low=low, high=high))
     told += [one for one in result.findings if one.code != "share-free"]
-    return sets[0], msgspec.structs.replace(result, findings=tuple(told))
+    return stepset, msgspec.structs.replace(result, findings=tuple(told))
 
 
 def _fit_levels(
