@@ -83,6 +83,10 @@ class Estimate:
         """What the runs say about the levels' curves."""
         return Scatter(tuple(self.levels), self.solved.at.theta, self.model.free_share)
 
+    def residuals(self, data: Data) -> list[Array]:
+        """f − y at every sample of each level, shapes (n_l,)."""
+        return self.solved.residuals(data)
+
     @property
     def by_levels(self) -> bool:
         """Whether levels of a single run show their scatter in their distance to the estimate."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.estimate.data import Data
+from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.solver import solver_verdict
 from eaid.estimate.spread import Influence, t_quantile
@@ -30,6 +31,15 @@ class OwnLevels:
         """What the runs say of their curves."""
         theta = np.concatenate([one.solved.at.theta for one in self.each], axis=1)
         return Scatter(self.levels, theta, self.each[0].model.free_share)
+
+    @property
+    def logs(self) -> Array:
+        """ln T_s, ln τ1, ln τ2 of the levels, (3, L)."""
+        return np.log(np.maximum(self.scatter.theta[:3], 1e-300))
+
+    def residuals(self, data: Data) -> list[Array]:
+        """f − y at every sample of each level, shapes (n_l,)."""
+        return level_residuals(self.scatter.theta, data.records)
 
     @cached_property
     def solver(self) -> Solver:

@@ -118,16 +118,15 @@ def widen(low: Array, high: Array) -> tuple[Array, Array]:
     return middle - half, middle + half
 
 
-def white_ends(scatter: Scatter) -> tuple[Array, Array, Array]:
+def white_ends(own: OwnLevels) -> tuple[Array, Array, Array]:
     """The textbook's ends of each level by itself: θ ± t s on its logarithm, from s² A⁻¹."""
     ends = []
-    for level, J in zip(scatter.levels, scatter.jacobians, strict=True):
+    for level, J in zip(own.levels, own.scatter.jacobians, strict=True):
         noise, spare = textbook([level.mean - J[:, 0]], J.shape[1])
         reach = t_quantile(spare) * np.sqrt(np.maximum(np.diag(np.linalg.pinv(J.T @ J)) * noise, 0.0))[:3]
         ends.append((np.log1p(-np.minimum(reach, 1 - 1e-12)), np.log1p(reach), np.full(3, spare)))
     low, high, degrees = (np.array(part).T for part in zip(*ends, strict=True))
-    value = np.log(np.maximum(scatter.theta[:3], 1e-300))
-    return value + low, value + high, degrees
+    return own.logs + low, own.logs + high, degrees
 
 
 def friction_part(

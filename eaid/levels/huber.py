@@ -6,7 +6,7 @@ its fixed point Σ ψ(r) ∂f = 0, which is the minimum of Huber's loss, and eve
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -20,20 +20,27 @@ RESIDUALS_SETTLED = 1e-9  # The iteration ends where the residuals move by less 
 HELD_BACK_MUCH = (
     0.4  # Share of a level's samples held back from which it is told; 18 % are where the noise is normal and alike
 )
-SolutionT = TypeVar("SolutionT")
+
+
+class Curves(Protocol):
+    """A solution whose curves leave something of the levels."""
+
+    def residuals(self, data: Data) -> list[Array]:
+        """f − y at every sample of each level, shapes (n_l,)."""
+
+
+SolutionT = TypeVar("SolutionT", bound=Curves)
 
 
 def fit_with_loss(
-    data: Data,
-    loss: str,
-    solve: Callable[[Data, SolutionT | None], SolutionT],
-    residuals: Callable[[SolutionT, Data], list[Array]],
-) -> tuple[SolutionT, list[float]]:
-    """The solution, and levels of which Huber's loss holds back much; `solve` may go on from an earlier solution."""
+    subject: str, data: Data, loss: str, solve: Callable[[Data, SolutionT | None], SolutionT]
+) -> tuple[SolutionT, list[Finding]]:
+    """The solution, and levels of which Huber's loss holds back so much that it cannot be spikes; `solve` may go on
+    from an earlier solution."""
     solved = solve(data, None)
     if loss == "squares":
         return solved, []
-    r = residuals(solved, data)
+    r = solved.residuals(data)
     for _ in range(200):
         sigma = 1.4826 * median(np.abs(np.concatenate(r)))  # by the median of |r|, over all samples
         if sigma == 0.0:
@@ -45,15 +52,12 @@ def fit_with_loss(
             for record, one in zip(data.records, r, strict=True)
         )
         solved = solve(replace(data, records=records), solved)
-        after = residuals(solved, data)
+        after = solved.residuals(data)
         moved = max(float(np.abs(a - b).max()) for a, b in zip(after, r, strict=True)) / sigma
         r = after
         if moved <= RESIDUALS_SETTLED:
             break
     held_back = [0.0 if sigma == 0.0 else float(np.mean(np.abs(one) > K * sigma)) for one in r]
-    return solved, [u for u, share in zip(data.u.tolist(), held_back, strict=True) if share > HELD_BACK_MUCH]
-
-
-def huber_findings(subject: str, wide: list[float]) -> list[Finding]:
-    """Levels of which Huber's loss holds back so much that it cannot be spikes."""
-    return [finding("huber-holds-back-much", subject, wide, most_pct=100 * HELD_BACK_MUCH)] if wide else []
+    wide = [u for u, share in zip(data.u.tolist(), held_back, strict=True) if share > HELD_BACK_MUCH]
+    told = [finding("huber-holds-back-much", subject, wide, most_pct=100 * HELD_BACK_MUCH)] if wide else []
+    return solved, told

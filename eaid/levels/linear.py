@@ -19,7 +19,7 @@ from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
 from eaid.levels.from_steps import UNSEEN_PART, Solution, StepProblem, fit_linear, textbook_covariance
-from eaid.levels.huber import fit_with_loss, huber_findings
+from eaid.levels.huber import fit_with_loss
 from eaid.options import FitOptions
 from eaid.plant import linear
 from eaid.plant.forms import RESTING
@@ -133,7 +133,7 @@ def linear_part(
     data: Data, scatter: Scatter, options: FitOptions, held_out: Sequence[Level] = ()
 ) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
-    solved, huber = fit_with_loss(data, options.loss, lambda d, _: fit_linear(d), Solution.residuals)
+    solved, huber = fit_with_loss("linear", data, options.loss, lambda d, _: fit_linear(d))
     form, x = unknowns(solved)
     p, left = parameters(form, x), solved.residuals(data)
     each = [fit_linear(data.only([i])) for i in range(len(data.u))]
@@ -149,7 +149,7 @@ def linear_part(
     )
     ends = map(interval_of, (p.a0, p.b0, p.c0), variance, degrees)  # one level leaves c0 to b0
     pooled = PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees, strict=False)))
-    findings = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]
+    findings = [*linear_findings(data, one, rows, bounds, pooled), *huber]
     findings += missed("linear", data, left, one)
     if options.ci != "none":
         rows = tuple(

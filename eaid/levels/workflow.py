@@ -12,11 +12,10 @@ import numpy as np
 from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
-from eaid.arrays import Array, median
+from eaid.arrays import median
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
 from eaid.estimate.data import Data, data_of, explains_little
-from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels.adequacy import adequacy, share_of
@@ -26,8 +25,8 @@ from eaid.levels.creep import find_share_and_creep
 from eaid.levels.drive_limit import flat_levels, limit_at, limit_explains_as_well
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.friction import friction_part, quote_levels, reach_over_slow_parts, white_ends
-from eaid.levels.from_steps import Solution, fit_levels_first, fit_nonlinear, refit_nonlinear
-from eaid.levels.huber import fit_with_loss, huber_findings
+from eaid.levels.from_steps import fit_levels_first, fit_nonlinear, refit_nonlinear
+from eaid.levels.huber import fit_with_loss
 from eaid.levels.jitter import Starts, find_starts_apart, lay_in_step
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import find_flat_levels, nonlinear_part
@@ -315,33 +314,25 @@ def _fit_model(
     """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
     levels, share = stepset.levels, options.held_share
     first, huber = fit_with_loss(
-        data, options.loss, lambda d, near: estimate_levels_first(levels, d, share, near), _level_residuals
+        "nonlinear", data, options.loss, lambda d, near: estimate_levels_first(levels, d, share, near)
     )
     joint, of_joint = fit_with_loss(
-        data,
-        options.loss,
-        lambda d, near: fit_nonlinear(d, share) if near is None else refit_nonlinear(d, near),
-        Solution.residuals,
+        "nonlinear", data, options.loss, lambda d, near: refit_nonlinear(d, near) if near else fit_nonlinear(d, share)
     )
     papers, draws = options.estimator == "joint", None
     if options.curve == "auto" and not papers and bool((first.scatter.repeats > 1).any()) and find_flat_levels(first):
         options = replace(options, curve="levels")
     if options.ci == "bootstrap":
         refit = (lambda again: refit_nonlinear(again, joint).x) if papers else first.refit
-        draws = bootstrap(levels, data, first.scatter.curves, refit, options, progress)
+        draws = bootstrap(first.scatter, data, refit, options, progress)
     model, values, findings = nonlinear_part(stepset, data, first, joint, options, held_out, draws)
-    findings += huber_findings("nonlinear", of_joint if papers else huber)
+    findings += of_joint if papers else huber
     result = Fit(nonlinear=model)
     if "friction" in models:
         part, more = friction_part(stepset, values, data, options)
         findings += more
         result = msgspec.structs.replace(result, friction=part)
     return msgspec.structs.replace(result, findings=tuple(findings)), first
-
-
-def _level_residuals(one: Estimate | OwnLevels, data: Data) -> list[Array]:
-    """f − y of the levels' curves at every sample."""
-    return level_residuals(one.scatter.theta, data.records)
 
 
 def _fit_each_level(
@@ -354,30 +345,18 @@ def _fit_each_level(
 ) -> tuple[Fit, Estimate | OwnLevels]:
     """Every level by itself, with trends over the levels; their estimates."""
     levels, share = stepset.levels, options.held_share
-    own, huber = fit_with_loss(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _level_residuals)
+    own, huber = fit_with_loss("friction", data, options.loss, lambda d, near: own_levels(levels, d, share, near))
     if "friction" not in models:
         return Fit(), own
     ends = reach_over_slow_parts(own, own.intervals)
     if options.ci == "white":
-        ends = white_ends(own.scatter)
+        ends = white_ends(own)
     elif options.ci == "bootstrap":  # refits that run away count by rank
-
-        def logs(theta: Array) -> Array:
-            return np.log(np.maximum(theta[:3], 1e-300))
-
-        near = bootstrap(
-            levels,
-            data,
-            own.scatter.curves,
-            lambda d: logs(own_levels(levels, d, share, own).scatter.theta),
-            options,
-            progress,
-        )
-        ends = drawn_ends(logs(own.scatter.theta), near, ends[2])
+        draws = bootstrap(own.scatter, data, lambda d: own_levels(levels, d, share, own).logs, options, progress)
+        ends = drawn_ends(own.logs, draws, ends[2])
     values = quote_levels(levels, own.scatter.theta, own.scatter.held, ends)
     part, findings = friction_part(stepset, values, data, options, own, held_out)
-    findings += huber_findings("friction", huber)
-    return Fit(friction=part, findings=tuple(findings)), own
+    return Fit(friction=part, findings=(*findings, *huber)), own
 
 
 def scatter_findings(scatter: Scatter, told: bool = False) -> list[Finding]:
