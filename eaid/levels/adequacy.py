@@ -11,14 +11,14 @@ from eaid.arrays import Array, median
 from eaid.estimate.data import Data
 from eaid.estimate.forms import Model, friction
 from eaid.estimate.scatter import CURVES, Scatter
-from eaid.estimate.spread import t_quantile
+from eaid.estimate.spread import interval_of, t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import Estimate
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.from_steps import fit_levels_first
 from eaid.results.models import LackOfFit, ShareEstimate
 from eaid.steps.noise import fit_line
-from eaid.steps.step import hold_of, moving_means
+from eaid.steps.step import PEAK_PART, hold_of, moving_means, whole_means
 from eaid.steps.stepset import Level
 
 OVERSHOOT = 0.05  # Output lost under hold beyond which no monotone curve is right
@@ -29,13 +29,6 @@ SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoo
 FEWEST_MISSED = 3
 HELD_MISSED_FAR = 0.015  # Part of the held output, in the middle, by which they miss it so that no interval holds it
 FEWEST_LEVELS, NEAR_0 = 3, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
-
-
-def _moving_means(values: Array) -> Array:
-    """Moving means over a fiftieth of the record, along the last axis."""
-    width = max(1, values.shape[-1] // 50)
-    sums = np.cumsum(np.concatenate([np.zeros((*values.shape[:-1], 1)), values], axis=-1), axis=-1)
-    return np.asarray((sums[..., width:] - sums[..., :-width]) / width)
 
 
 def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
@@ -50,12 +43,12 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
     pooled = sum(float(((fall - fall.mean()) ** 2).sum()) for fall in falls) / max(spare, 1)
     falling = []
     for level, fall in zip(levels, falls, strict=True):
-        smooth = _moving_means(level.mean)
+        smooth = whole_means(level.mean, PEAK_PART)
         if (peak := float(smooth.max())) <= 0:
             continue
         error, degrees, chance = np.sqrt(pooled / len(fall)), float(spare), DECAY_CHANCE
         if len(fall) == 1:
-            after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // 50)]
+            after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // PEAK_PART)]
             left = fit_line(np.arange(len(after)), after).left if len(after) >= 4 else np.full(4, np.inf)
             error, degrees, chance = np.sqrt(2 * (left @ left) / (len(left) - 2)) / peak, SINGLE_DEGREES, SINGLE_CHANCE
         lost = (peak - float(smooth[-1])) / peak
@@ -66,7 +59,7 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
 
 def _losses_under_hold(level: Level) -> Array:
     """What each run loses from its peak to its end, relative to the peak, shape (R,)."""
-    smooth = _moving_means(level.runs)
+    smooth = whole_means(level.runs, PEAK_PART)
     others = smooth if len(smooth) == 1 else smooth.sum(axis=0) - smooth
     peak = np.take_along_axis(smooth, others.argmax(axis=1)[:, None], axis=1)[:, 0]
     return np.asarray((peak - smooth[:, -1]) / np.maximum(np.abs(peak), 1e-300))
@@ -107,11 +100,8 @@ def rise_of_the_rig(levels: Sequence[Level]) -> list[Finding]:
     slopes = np.array([np.mean([_slope(level.time_s, run) for run in level.runs]) for level in levels])
     if not (held > 0).all() or not (slopes > 0).all() or held.max() < 2 * held.min():
         return []
-    x, y = np.log(held), np.log(slopes)
-    found = fit_line(x, y)
-    sd = np.sqrt(float(found.left @ found.left) / (len(x) - 2) / float(((x - x.mean()) ** 2).sum()))
-    reach = float(t_quantile(len(x) - 2.0) * sd)
-    e, low, high = found.slope, found.slope - reach, found.slope + reach
+    e, error, _ = fit_line(np.log(held), np.log(slopes))
+    low, high = interval_of(e, error**2, len(held) - 2.0)
     if abs(e) > NEAR_0 or high > NEAR_0:
         return []
     times = float(held.max() / held.min())

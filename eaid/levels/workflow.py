@@ -5,6 +5,7 @@ The one entry that the command line and a notebook share.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import msgspec
@@ -473,6 +474,7 @@ def split_held_out(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[
 
 def data_of_steps(stepset: StepSet) -> FittedData:
     """What a fit is made from: kind, units, levels, the rig and the runs."""
+    of_source = attrgetter("source", "sha256", "name", "level", "repeat", "baseline_nm", "step_s", "samples", "edge")
     rates = [run.rate_hz for run in stepset.runs if not run.left_out]
     if not rates:
         rates = [(len(level.time_s) - 1) / float(level.time_s[-1] - level.time_s[0]) for level in stepset.levels]
@@ -489,21 +491,7 @@ def data_of_steps(stepset: StepSet) -> FittedData:
         record_s=tuple(float(level.time_s[-1]) for level in stepset.levels),
         sample_rate_hz=max(rates, default=None),
         apparatus=stepset.apparatus,
-        sources=tuple(
-            Source(
-                run.source,
-                run.sha256,
-                run.name,
-                run.level,
-                run.repeat,
-                run.baseline_nm,
-                run.step_s,
-                run.samples,
-                run.edge,
-            )
-            for run in stepset.runs
-            if not run.left_out
-        ),
+        sources=tuple(Source(*of_source(run)) for run in stepset.runs if not run.left_out),
         inputs=tuple(Input(path, sha256) for path, sha256 in stepset.inputs),
         synthetic=stepset.synthetic,
     )

@@ -29,12 +29,12 @@ class FittedLine(NamedTuple):
     left: Array  # Residuals, shape (n,)
 
 
-def fit_line(at: NDArray[Any], values: Array) -> FittedLine:
-    """The straight line through values at some places, shapes (n,)."""
+def fit_line(at: NDArray[Any], values: Array, taken: int = 2) -> FittedLine:
+    """The straight line through values at some places, shapes (n,), from which so many numbers are `taken` out."""
     x = at - at.mean()
     slope = float(x @ values / (x @ x))
     left = values - values.mean() - slope * x
-    return FittedLine(slope, float(np.sqrt((left @ left) / max(1, len(left) - 2) / (x @ x))), left)
+    return FittedLine(slope, float(np.sqrt((left @ left) / max(1, len(left) - taken) / (x @ x))), left)
 
 
 def stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
