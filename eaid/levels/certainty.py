@@ -44,11 +44,6 @@ SHOWN_PART = 0.25  # Of a record, up to which a τ2 is shown by single runs of f
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 
 
-def with_curve(p: Plant, options: FitOptions, own: KnownPoints) -> Plant:
-    """A model with T_s(u) as the option «curve» has it: the paper's cubic, or through the levels' own values."""
-    return replace(p, Ts_through=own) if options.through else p
-
-
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """The solved estimate of L levels."""
@@ -208,7 +203,7 @@ class Estimate:
         if relative is not None:
             relative = relative[kept] + self.level_scatter**2
         found = self.model.parameters(np.append(other._curve_through(relative, known).coefficients, solved.x))
-        return with_curve(found, options, tuple(self.level_points[k] for k in kept))
+        return replace(found, Ts_through=tuple(self.level_points[k] for k in kept)) if options.through else found
 
     @cached_property
     def levels_about_curve(self) -> MixedLine | None:
@@ -322,8 +317,8 @@ class Estimate:
         return [self.model.parameters(self.coefficients + one) for one in errors]
 
     def plant(self, options: FitOptions) -> Plant:
-        """The same with T_s(u) as the option «curve» has it."""
-        return with_curve(self.parameters, options, self.level_points)
+        """The same with T_s(u) as the option «curve» has it: the paper's cubic, or through the levels' own values."""
+        return replace(self.parameters, Ts_through=self.level_points) if options.through else self.parameters
 
     @property
     def level_points(self) -> KnownPoints:

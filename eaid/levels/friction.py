@@ -77,10 +77,9 @@ def quote_levels(
 
     T_s and τ1 then rest on a τ2 that the records do not tell, and their intervals are wider by `WIDER`.
     """
-    low, high, degrees = ends
+    low, high, degrees = (part.copy() for part in ends)
     if tau2_open(levels, theta, (low, high)):
-        both = [widen(low[k], high[k]) for k in range(2)]
-        low, high = (np.vstack([*(ends[side] for ends in both), (low, high)[side][2]]) for side in range(2))
+        low[:2], high[:2] = widen(low[:2], high[:2])
         high[2] = np.inf
     return LevelValues(levels, theta, held, low, high, degrees)
 
@@ -112,9 +111,9 @@ def reach_over_slow_parts(own: OwnLevels, ends: tuple[Array, Array, Array]) -> t
     return low, high, degrees
 
 
-def widen(low: Array, high: Array) -> tuple[Array, Array]:
-    """Ends of a T_s or τ1 that rests on a τ2 that the records do not tell."""
-    middle, half = 0.5 * (low + high), 0.5 * WIDER * (high - low)
+def widen(low: Array, high: Array, factor: float = WIDER) -> tuple[Array, Array]:
+    """Ends that are so many times as far apart; `WIDER` of a T_s or τ1 that rests on a τ2 that the records do not tell."""
+    middle, half = 0.5 * (low + high), 0.5 * factor * (high - low)
     return middle - half, middle + half
 
 

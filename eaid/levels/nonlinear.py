@@ -14,8 +14,9 @@ import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array, median
-from eaid.estimate.coefficients import coefficients_of, map_unknowns, with_intervals
+from eaid.estimate.coefficients import map_unknowns, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
+from eaid.estimate.forms import Model
 from eaid.estimate.own_level import LAG_OFF, find_exchanged, find_levelled_off, levels_scatter
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, held_parameters
@@ -91,7 +92,7 @@ class Standing:
     part: results.Nonlinear
     unknowns: Array  # Of the whole model, (n,)
     held: dict[str, tuple[float, ...]]  # Constraints that hold it, and where
-    covariance: Array  # Of the coefficients in powers of u/100
+    covariance: Array  # Of the unknowns, (n, n)
     ends: Ends
 
 
@@ -114,16 +115,16 @@ def nonlinear_part(
     lags = [name for name in bent if name != "Ts"]
     part = msgspec.structs.replace(part, misfit=misfit or None)
     turn, u = map_unknowns(model), data.u
-    covariance = turn @ estimate.influence.covariance() @ turn.T
-    one = Standing(part, estimate.coefficients, estimate.held, covariance, estimate.intervals(u))
-    one = count_misfits(one, free, {name: misfit[name] for name in wider})
+    one = Standing(part, estimate.coefficients, estimate.held, estimate.influence.covariance(), estimate.intervals(u))
+    one = count_misfits(one, model, {name: misfit[name] for name in wider})
     parts = joint_findings(papers, one, levels, options.estimator)
     if options.estimator == "joint":
         one, solver = take_joint(papers, joint, estimate), joint.solver
-    if draws is not None:
-        one = take_draws(one, estimate, u, draws)
     if options.ci == "white":
         one = by_textbook(one, estimate)
+    covariance = turn @ one.covariance @ turn.T
+    if draws is not None:
+        one, covariance = take_draws(one, estimate, draws), covariance_of_draws(draws @ turn.T)
     values = values_at_levels(one, levels, free)
     own, scattered, told = values, list[Finding](), bent_findings(bent)
     if options.estimator != "joint":
@@ -138,7 +139,7 @@ def nonlinear_part(
             for i, (level, (Ts, tau1, tau2)) in enumerate(zip(levels, values.theta[:3].T.tolist(), strict=True))
         ]
         by_name = dict(zip(CURVES, one.ends[2], strict=True))
-        shown = with_intervals(one.part, curves, one.covariance, by_name, _held(one))
+        shown = with_intervals(one.part, curves, covariance, by_name, _held(one))
     if not solver.converged:
         told.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
     for code, at in one.held.items():
@@ -190,15 +191,13 @@ def by_themselves(data: Data, estimate: Estimate) -> LevelValues:
     return quote_levels(estimate.levels, each.scatter.theta, each.scatter.held, ends)
 
 
-def count_misfits(one: Standing, free: bool, misfit: Mapping[str, float]) -> Standing:
+def count_misfits(one: Standing, model: Model, misfit: Mapping[str, float]) -> Standing:
     """The same, time constants whose curve misses its levels as much less sure as these lie off beyond chance."""
-    c, scale = coefficients_of(one.part.parameters, free), np.ones(len(one.covariance))
-    low, high, degrees = (part.copy() for part in one.ends)
+    scale, (low, high, degrees) = np.ones(model.size), (part.copy() for part in one.ends)
     for name, ratio in misfit.items():
         k, factor = CURVES.index(name), float(np.sqrt(ratio))
-        scale[c.block(name)] = factor
-        middle, half = 0.5 * (low[k] + high[k]), 0.5 * (high[k] - low[k])
-        low[k], high[k] = middle - factor * half, middle + factor * half
+        scale[model.slices[k]] = factor
+        low[k], high[k] = widen(low[k], high[k], factor)
     return replace(one, covariance=one.covariance * np.outer(scale, scale), ends=(low, high, degrees))
 
 
@@ -270,12 +269,12 @@ def _held(one: Standing) -> tuple[str, ...]:
 
 def by_textbook(one: Standing, estimate: Estimate) -> Standing:
     """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
-    data, turn = estimate.solved.steps.data, map_unknowns(estimate.model)
+    data = estimate.solved.steps.data
     covariance, spare = textbook_covariance(data, estimate.model, one.unknowns)
     value, D = estimate.numbers(data.u, one.unknowns)
     reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("klp,pq,klq->kl", D, covariance, D), 0.0))
     ends = value - reach, value + reach, np.full(reach.shape, spare)
-    return replace(one, covariance=turn @ covariance @ turn.T, ends=ends)
+    return replace(one, covariance=covariance, ends=ends)
 
 
 def _curves(p: Plant, levels: Sequence[Level]) -> Array:
@@ -301,22 +300,25 @@ def take_joint(part: results.Nonlinear, joint: Solution, estimate: Estimate) -> 
     other = estimate.numbers(u, estimate.coefficients)[0]
     variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, model.size)).variance())
     reach = t_quantile(degrees) * np.hypot(np.sqrt(variance), value - other)
-    turn = map_unknowns(model)
-    apart = turn @ (x - estimate.coefficients)
-    covariance = turn @ influence.covariance() @ turn.T + np.outer(apart, apart)
+    apart = x - estimate.coefficients
+    covariance = influence.covariance() + np.outer(apart, apart)
     return Standing(part, x, joint.held, covariance, (value - reach, value + reach, degrees))
 
 
-def take_draws(one: Standing, estimate: Estimate, u: Array, draws: Array) -> Standing:
-    """The same with intervals from refits to resampled runs; those that run away (a lost τ2) count by rank."""
+def take_draws(one: Standing, estimate: Estimate, draws: Array) -> Standing:
+    """The same with intervals from refits to resampled runs."""
+    u = estimate.solved.steps.data.u
     near = np.array([estimate.numbers(u, x)[0] for x in draws])
-    c = draws @ map_unknowns(estimate.model).T
+    return replace(one, ends=drawn_ends(estimate.numbers(u, one.unknowns)[0], near, one.ends[2]))
+
+
+def covariance_of_draws(c: Array) -> Array:
+    """Covariance of the coefficients of refits, (draws, P); those that run away (a lost τ2) count by rank."""
     size, middle = spread_of(c), np.median(c, axis=0)
     tame = np.clip(c, middle - 3 * size, middle + 3 * size)
     sd = tame.std(axis=0)
     factor = size / np.where(sd > 0, sd, 1.0)
-    covariance = np.cov(tame, rowvar=False) * np.outer(factor, factor)
-    return replace(one, covariance=covariance, ends=drawn_ends(estimate.numbers(u, one.unknowns)[0], near, one.ends[2]))
+    return np.asarray(np.cov(tame, rowvar=False) * np.outer(factor, factor))
 
 
 def misfits(estimate: Estimate, through: bool) -> tuple[dict[str, float], list[str], list[str]]:
