@@ -112,7 +112,7 @@ def reach_over_slow_parts(own: OwnLevels, ends: tuple[Array, Array, Array]) -> t
 
 
 def widen(low: Array, high: Array, factor: float = WIDER) -> tuple[Array, Array]:
-    """Ends that are so many times as far apart; `WIDER` of a T_s or τ1 that rests on a τ2 that the records do not tell."""
+    """Ends so many times as far apart; `WIDER` of a T_s or τ1 that rests on a τ2 which the records do not tell."""
     middle, half = 0.5 * (low + high), 0.5 * factor * (high - low)
     return middle - half, middle + half
 

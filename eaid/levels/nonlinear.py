@@ -7,7 +7,6 @@ into the τ curves of the joint fit; its intervals count what separates it from 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
 import msgspec
 import numpy as np
@@ -90,10 +89,33 @@ class Standing:
     """The estimate that stands as the model: its part of the result, unknowns, constraints and intervals."""
 
     part: results.Nonlinear
+    levels: Sequence[Level]
     unknowns: Array  # Of the whole model, (n,)
     held: dict[str, tuple[float, ...]]  # Constraints that hold it, and where
     covariance: Array  # Of the unknowns, (n, n)
     ends: Ends
+
+    @property
+    def theta(self) -> Array:
+        """T_s, τ1, τ2, C of the model at the levels, (4, L)."""
+        return _curves(self.part.parameters, self.levels)
+
+    @property
+    def constrained(self) -> tuple[str, ...]:
+        """Parameters that a constraint holds somewhere."""
+        return tuple(dict.fromkeys(name for code in self.held for name in HELD_BY.get(code, ())))
+
+    @property
+    def held_at(self) -> list[tuple[str, ...]]:
+        """Parameters that a constraint holds at each level."""
+        rows = zip(self.theta.T.tolist(), self.levels, strict=True)
+        own = (held_parameters(Step(*row), float(one.time_s[-1]), self.part.C_free) for row, one in rows)
+        return [tuple(dict.fromkeys([*self.constrained, *held])) for held in own]
+
+    @property
+    def values(self) -> LevelValues:
+        """T_s, τ1, τ2 of the model at the levels."""
+        return quote_levels(self.levels, self.theta, self.held_at, self.ends)
 
 
 def nonlinear_part(
@@ -106,62 +128,60 @@ def nonlinear_part(
     draws: Array | None,
 ) -> tuple[results.Nonlinear, LevelValues, list[Finding]]:
     """The model, its values at the levels, findings; `draws` are its refits to resampled runs, (draws, n)."""
-    levels, model, solver = estimate.levels, estimate.model, estimate.solved.solver
-    free, through = model.free_share, options.through
-    p = estimate.plant(options)
-    part = of_steps(p, free, data, level_residuals(_curves(p, levels), data.records), solver, held_out)
-    papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
-    misfit, bent, wider = misfits(estimate, through)
-    lags = [name for name in bent if name != "Ts"]
+    levels, model, p = estimate.levels, estimate.model, estimate.plant(options)
+    papers_stand, turn = options.estimator == "joint", map_unknowns(model)
+    left = level_residuals(_curves(p, levels), data.records)
+    part = of_steps(p, model.free_share, data, left, estimate.solved.solver, held_out)
+    papers = of_steps(joint.parameters, model.free_share, data, joint.residuals(data), joint.solver, held_out)
+    misfit, bent, wider = misfits(estimate, options.through)
     part = msgspec.structs.replace(part, misfit=misfit or None)
-    turn, u = map_unknowns(model), data.u
-    one = Standing(part, estimate.coefficients, estimate.held, estimate.influence.covariance(), estimate.intervals(u))
+    covariance, ends = estimate.influence.covariance(), estimate.intervals(data.u)
+    one = Standing(part, levels, estimate.coefficients, estimate.held, covariance, ends)
     one = count_misfits(one, model, {name: misfit[name] for name in wider})
-    parts = joint_findings(papers, one, levels, options.estimator)
-    if options.estimator == "joint":
-        one, solver = take_joint(papers, joint, estimate), joint.solver
+    parts = joint_findings(papers, one, "joint-fit-asked-for-parts" if papers_stand else "joint-fit-parts")
+    if papers_stand:
+        one = take_joint(papers, joint, estimate)
     if options.ci == "white":
         one = by_textbook(one, estimate)
     covariance = turn @ one.covariance @ turn.T
     if draws is not None:
         one, covariance = take_draws(one, estimate, draws), covariance_of_draws(draws @ turn.T)
-    values = values_at_levels(one, levels, free)
-    own, scattered, told = values, list[Finding](), bent_findings(bent)
-    if options.estimator != "joint":
-        own, scattered = own_values(one, estimate, free, options), level_scatter_findings(estimate, part)
-        if lags and options.ci in ("robust", "none"):
+    values = own = one.values
+    seen = scatter = unseen = None
+    told, more = bent_findings(bent), parts
+    if not papers_stand:
+        own, seen, scatter = own_values(one, estimate, options), estimate.scatter, estimate.level_scatter
+        unseen, worse = leave_levels_out(estimate, options)
+        more = [*level_scatter_findings(estimate, part), *worse, *parts]
+        if (lags := [name for name in bent if name != "Ts"]) and options.ci in ("robust", "none"):
             own = by_themselves(data, estimate)
             told = bent_findings(bent, lags, own, values)
-    values, shown = own if through else values, one.part
+    values, shown, solver = own if options.through else values, one.part, one.part.solver
     if options.ci != "none":
         curves = [
             results.CurveLevel(level.level, Ts, tau1, tau2, values.ci95(i))
             for i, (level, (Ts, tau1, tau2)) in enumerate(zip(levels, values.theta[:3].T.tolist(), strict=True))
         ]
         by_name = dict(zip(CURVES, one.ends[2], strict=True))
-        shown = with_intervals(one.part, curves, covariance, by_name, _held(one))
-    if not solver.converged:
+        shown = with_intervals(one.part, curves, covariance, by_name, one.constrained)
+    if solver is not None and not solver.converged:
         told.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
     for code, at in one.held.items():
         told.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
     low, high = one.part.u_range
     if outside := [level.level for level in held_out if not low <= level.level <= high]:
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
-    told += missed("nonlinear", data, level_residuals(_curves(one.part.parameters, levels), data.records), one.part)
-    seen = estimate.scatter if options.estimator != "joint" else None
-    told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *scattered]
-    estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
-    scatter = estimate.level_scatter if options.estimator != "joint" else None
-    unseen, worse = leave_levels_out(estimate, options) if options.estimator != "joint" else (None, [])
-    told += worse
+    told += missed("nonlinear", data, level_residuals(one.theta, data.records), one.part)
+    told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *more]
+    estimator = "joint" if papers_stand else "levels-first"
     shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter, left_out=unseen)
-    return shown, own, [*told, *parts]
+    return shown, own, told
 
 
-def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOptions) -> LevelValues:
+def own_values(one: Standing, estimate: Estimate, options: FitOptions) -> LevelValues:
     """T_s, τ1, τ2 of the levels, T_s each level's own about the curve."""
-    theta, (low, high, degrees) = _curves(one.part.parameters, estimate.levels), (part.copy() for part in one.ends)
-    held, (value, half, known) = _all_held(one, theta, estimate.levels, free), estimate.own_Ts
+    theta, (low, high, degrees) = one.theta, (part.copy() for part in one.ends)
+    held, (value, half, known) = one.held_at, estimate.own_Ts
     curve = np.log(np.maximum(theta[0], 1e-300))
     theta[0] = np.where(np.abs(value - curve) < SAME_VALUE, theta[0], np.exp(value))
     if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
@@ -170,7 +190,7 @@ def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOption
     slow, holding, unseen = estimate.slow, bool(HOLDING & {*one.held}), estimate.leaves_slow_part(high[2])
     if unseen or (holding and (estimate.scatter.repeats == 1).all()):  # what noise makes of a run no other run shows
         slow = slow_part(estimate.levels, estimate.solved.steps, estimate.solved.x, tested=False)
-    if free or not (slow.endless or tau2_open(estimate.levels, theta, (low, high)) or holding or unseen):
+    if one.part.C_free or not (slow.endless or tau2_open(estimate.levels, theta, (low, high)) or holding or unseen):
         if estimate.level_scatter > 0:
             beyond = np.maximum(0.5 * (high[0] - low[0]) - estimate.curve_half_width(), 0.0)
             low[0], high[0], degrees[0] = value - half - beyond, value + half + beyond, known
@@ -248,25 +268,6 @@ def find_flat_levels(estimate: Estimate, through: bool = False) -> list[Finding]
     return find_levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread, how="levels" * through)
 
 
-def values_at_levels(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
-    """T_s, τ1, τ2 of the model at the levels."""
-    theta = _curves(one.part.parameters, levels)
-    return quote_levels(levels, theta, _all_held(one, theta, levels, share_free), one.ends)
-
-
-def _all_held(one: Standing, theta: Array, levels: Sequence[Level], share_free: bool) -> list[tuple[str, ...]]:
-    """Parameters that a constraint holds at each level."""
-    return [
-        tuple(dict.fromkeys([*_held(one), *held_parameters(Step(*row), float(level.time_s[-1]), share_free)]))
-        for row, level in zip(theta.T.tolist(), levels, strict=True)
-    ]
-
-
-def _held(one: Standing) -> tuple[str, ...]:
-    """Parameters that a constraint holds somewhere."""
-    return tuple(dict.fromkeys(name for code in one.held for name in HELD_BY.get(code, ())))
-
-
 def by_textbook(one: Standing, estimate: Estimate) -> Standing:
     """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
     data = estimate.solved.steps.data
@@ -302,7 +303,7 @@ def take_joint(part: results.Nonlinear, joint: Solution, estimate: Estimate) -> 
     reach = t_quantile(degrees) * np.hypot(np.sqrt(variance), value - other)
     apart = x - estimate.coefficients
     covariance = influence.covariance() + np.outer(apart, apart)
-    return Standing(part, x, joint.held, covariance, (value - reach, value + reach, degrees))
+    return Standing(part, estimate.levels, x, joint.held, covariance, (value - reach, value + reach, degrees))
 
 
 def take_draws(one: Standing, estimate: Estimate, draws: Array) -> Standing:
@@ -366,10 +367,10 @@ def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]
     return found
 
 
-def joint_findings(joint: results.Nonlinear, one: Standing, levels: Sequence[Level], estimator: str) -> list[Finding]:
+def joint_findings(joint: results.Nonlinear, one: Standing, code: str) -> list[Finding]:
     """Where the joint fit's curves leave the intervals of the estimate that is believed: the one that does so most."""
-    believed, u, apart = values_at_levels(one, levels, False), [level.level for level in levels], []
-    for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, levels), believed.theta, strict=False)):
+    believed, u, apart = one.values, [level.level for level in one.levels], []
+    for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, one.levels), believed.theta, strict=False)):
         with np.errstate(divide="ignore", invalid="ignore"):
             out = ~((np.log(a) >= believed.low[k]) & (np.log(a) <= believed.high[k]))
         ratio = np.abs(np.log(np.maximum(a, 1e-300) / np.maximum(b, 1e-300)))
@@ -383,6 +384,5 @@ def joint_findings(joint: results.Nonlinear, one: Standing, levels: Sequence[Lev
     if not apart:
         return []
     _, out, values = max(apart, key=lambda row: row[0])
-    code = "joint-fit-asked-for-parts" if estimator == "joint" else "joint-fit-parts"
     named = dict(zip(("parameter", "worst", "joint", "other", "low", "high"), values, strict=True))
     return [finding(code, "nonlinear", [at for at, off in zip(u, out, strict=True) if off], **named)]
