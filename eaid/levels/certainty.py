@@ -44,6 +44,12 @@ SHOWN_PART = 0.25  # Of a record, up to which a τ2 is shown by single runs of f
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 
 
+def single_scores(take: Array, information: Array, score: Array, back: Array) -> Array:
+    """Scores of levels of a single run, each without its own say in the estimate, (L, n)."""
+    own = take.transpose(0, 2, 1) @ information @ take
+    return np.array([correct_score(A, back, -T.T @ s) for A, T, s in zip(own, take, score, strict=True)])
+
+
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """The solved estimate of L levels."""
@@ -149,15 +155,10 @@ class Estimate:
         """Scores of levels of a single run, (parts, L + p)."""
         if not self.by_levels:
             return self.of_noise
-        problem, rows, alone = self.solved.steps, self.solved.steps.M[1:], []
-        by_level, information = problem.reduced(at)
-        curvature = np.einsum("kln,lkj,jlm->nm", rows, information, rows)
-        back = free_inverse(curvature, self.blocked[:, len(self.levels) :])
-        for i in range(len(self.levels)):
-            own = rows[:, i].T @ information[i] @ rows[:, i]
-            score = -rows[:, i].T @ by_level[i]
-            alone.append(np.append(np.zeros(len(self.levels)), correct_score(own, back, score))[None])
-        return np.concatenate(alone)
+        L, (score, information) = len(self.levels), self.solved.steps.reduced(at)
+        take = self.take[:, 1:, L:]
+        back = free_inverse(np.einsum("lin,lij,ljm->nm", take, information, take), self.blocked[:, L:])
+        return np.pad(single_scores(take, information, score, back), ((0, 0), (L, 0)))
 
     def _within_run(self, at: Normal, i: int) -> Array:
         """Rows whose squares sum to the covariance of a single run's scores by its own noise, (4, 4)."""

@@ -19,11 +19,11 @@ from eaid.estimate.forms import Model
 from eaid.estimate.own_level import LAG_OFF, find_exchanged, find_levelled_off, levels_scatter
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, held_parameters
-from eaid.estimate.spread import Influence, correct_score, gains_of, t_quantile
+from eaid.estimate.spread import Influence, gains_of, t_quantile
 from eaid.findings import Finding, Value, finding
 from eaid.levels.adequacy import decays
 from eaid.levels.bootstrap import drawn_ends, spread_of
-from eaid.levels.certainty import Estimate
+from eaid.levels.certainty import Estimate, single_scores
 from eaid.levels.each_level import own_levels
 from eaid.levels.friction import (
     HELD_BY,
@@ -289,13 +289,10 @@ def take_joint(part: results.Nonlinear, joint: Solution, estimate: Estimate) -> 
     at, x, model = joint.at, joint.x, estimate.model
     take = joint.steps.M.transpose(1, 0, 2)
     gain, back = gains_of(at.information, estimate.along(at.theta), take, joint.steps.limits.A[list(joint.active)])
-    alone = [np.zeros((0, model.size))]
+    alone = np.zeros((0, model.size))
     if (estimate.scatter.repeats == 1).all():
-        gain = 0 * gain
-        for i in range(len(estimate.levels)):
-            own = take[i].T @ at.information[i] @ take[i]
-            alone.append(correct_score(own, back, -take[i].T @ at.score[i])[None])
-    influence = Influence(gain, estimate.scatter.of_levels, np.concatenate(alone) @ back, estimate.single_degrees)
+        gain, alone = 0 * gain, single_scores(take, at.information, at.score, back)
+    influence = Influence(gain, estimate.scatter.of_levels, alone @ back, estimate.single_degrees)
     u = joint.steps.data.u
     value, slopes = estimate.numbers(u, x)
     other = estimate.numbers(u, estimate.coefficients)[0]
