@@ -16,24 +16,22 @@ from eaid.estimate.data import Data
 from eaid.estimate.points import Points, compress
 from eaid.estimate.scatter import Scatter, windows_of
 from eaid.estimate.spread import t_quantile
-from eaid.options import FitOptions
+from eaid.levels.task import Task
 from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level
 
 
-def bootstrap(
-    of_runs: Scatter, data: Data, refit: Callable[[Data], Array], options: FitOptions,
-    advance: Callable[[], None] | None = None,
-) -> Array:  # fmt: skip
-    """What `refit` makes of resampled sets, (draws, …). `advance`: after each."""
+def bootstrap(task: Task, of_runs: Scatter, refit: Callable[[Data], Array]) -> Array:
+    """What `refit` makes of resampled sets, (draws, …)."""
+    data, options = task.data, task.options
     runs = [_compress_runs(level, data.points.y.shape[1]) for level in of_runs.levels]
     rows = []
     for i in range(options.draws):
         # the means as they were fitted keep their times; only their compressed values change
         random = np.random.default_rng([options.seed, i])
         rows.append(refit(replace(data, compressed=_resample(data.points, of_runs, runs, random))))
-        if advance:
-            advance()
+        if task.progress:
+            task.progress()
     return np.array(rows)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from eaid.arrays import Array, Mask
 from eaid.estimate import data as metrics
-from eaid.estimate.data import Data
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, MEETING, Scatter
 from eaid.estimate.spread import Influence, t_quantile, textbook
@@ -19,7 +18,7 @@ from eaid.estimate.trends import fit_trends
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import SAYS_NOTHING
 from eaid.levels.each_level import OwnLevels
-from eaid.options import FitOptions
+from eaid.levels.task import Task
 from eaid.plant.dynamics import SHARE, TAU_FLOOR_S, Step
 from eaid.plant.steps import step_response
 from eaid.results.common import HoldOut, Interval
@@ -128,15 +127,9 @@ def white_ends(own: OwnLevels) -> tuple[Array, Array, Array]:
     return own.logs + low, own.logs + high, degrees
 
 
-def friction_part(
-    stepset: StepSet,
-    values: LevelValues,
-    data: Data,
-    options: FitOptions,
-    own: OwnLevels | None = None,
-    held_out: Sequence[Level] = (),
-) -> tuple[Friction, list[Finding]]:
+def friction_part(task: Task, values: LevelValues, own: OwnLevels | None = None) -> tuple[Friction, list[Finding]]:
     """The friction model: rows of all levels, trends, and their warnings; `own` where each was fitted by itself."""
+    stepset, data, options = task.stepset, task.data, task.options
     over, x = trend_axis(stepset, data.u)
     findings, coefficient = _of_friction(stepset, over, x, values.theta[0])
     left = level_residuals(values.theta, data.records)
@@ -176,7 +169,7 @@ def friction_part(
     if values.open.any(axis=0).all():
         findings.append(finding("no-level-determines-all", "friction"))
     part = Friction(share, over, tuple(rows), trends, own.solver)
-    return msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, held_out)), findings
+    return msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, task.held_out)), findings
 
 
 def _of_friction(stepset: StepSet, over: str, x: Array, Ts: Array) -> tuple[list[Finding], list[float | None]]:

@@ -19,14 +19,12 @@ from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
 from eaid.levels.from_steps import UNSEEN_PART, Solution, StepProblem, fit_linear, textbook_covariance
-from eaid.levels.huber import fit_with_loss
-from eaid.options import FitOptions
+from eaid.levels.task import Task, fit_with_loss
 from eaid.plant import linear
 from eaid.plant.forms import RESTING
 from eaid.plant.linear import LinearPlant as LinearModel
 from eaid.results.models import Bounds, BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, PooledIntervals
 from eaid.steps.levels import wanted_levels
-from eaid.steps.stepset import Level
 
 
 def to_line(form: Model) -> Array:
@@ -129,11 +127,10 @@ def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter
     return LinearLevelIntervals(*(None if v is None else interval_of(v, v * v * one, spare) for v, one, spare in rows))
 
 
-def linear_part(
-    data: Data, scatter: Scatter, options: FitOptions, held_out: Sequence[Level] = ()
-) -> tuple[Linear, list[Finding]]:
+def linear_part(task: Task, scatter: Scatter) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
-    solved, huber = fit_with_loss("linear", data, options.loss, lambda d, _: fit_linear(d))
+    data, options = task.data, task.options
+    solved, huber = fit_with_loss(task, "linear", lambda d, _: fit_linear(d))
     form, x = unknowns(solved)
     p, left = parameters(form, x), solved.residuals(data)
     each = [fit_linear(data.only([i])) for i in range(len(data.u))]
@@ -163,7 +160,7 @@ def linear_part(
         bounds = msgspec.structs.replace(bounds, ci95=of_bounds)
         one = msgspec.structs.replace(one, ci95=pooled)
     beyond = metrics.hold_out(
-        held_out, lambda level: linear.linear_response(p, level.time_s, level.level), total.scores["rmse"]
+        task.held_out, lambda level: linear.linear_response(p, level.time_s, level.level), total.scores["rmse"]
     )
     part = msgspec.structs.replace(one, per_level=rows, bounds=bounds, hold_out=beyond)
     return part, findings

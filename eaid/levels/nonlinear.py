@@ -36,13 +36,14 @@ from eaid.levels.friction import (
 )
 from eaid.levels.from_steps import Solution, textbook_covariance
 from eaid.levels.slow_part import slow_part
+from eaid.levels.task import Task
 from eaid.levels.unseen import leave_levels_out
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.respond import from_rest
 from eaid.results import models as results
 from eaid.results.common import HoldOut, LevelError, Solver
-from eaid.steps.stepset import Level, StepSet
+from eaid.steps.stepset import Level
 
 # Chance to be surpassed from which levels have a time constant each by itself, and from which their curve is less sure
 LAG_BEYOND, LAG_WIDER = 0.99, 0.95
@@ -119,15 +120,10 @@ class Standing:
 
 
 def nonlinear_part(
-    stepset: StepSet,
-    data: Data,
-    estimate: Estimate,
-    joint: Solution,
-    options: FitOptions,
-    held_out: Sequence[Level],
-    draws: Array | None,
+    task: Task, estimate: Estimate, joint: Solution, draws: Array | None
 ) -> tuple[results.Nonlinear, LevelValues, list[Finding]]:
     """The model, its values at the levels, findings; `draws` are its refits to resampled runs, (draws, n)."""
+    data, options, held_out = task.data, task.options, task.held_out
     levels, model, p = estimate.levels, estimate.model, estimate.plant(options)
     papers_stand, turn = options.estimator == "joint", map_unknowns(model)
     left = level_residuals(_curves(p, levels), data.records)
@@ -172,7 +168,7 @@ def nonlinear_part(
     if outside := [level.level for level in held_out if not low <= level.level <= high]:
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
     told += missed("nonlinear", data, level_residuals(one.theta, data.records), one.part)
-    told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *more]
+    told += [*level_findings(own, seen, "nonlinear", task.stepset), *open_findings(one.part, own), *more]
     estimator = "joint" if papers_stand else "levels-first"
     shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter, left_out=unseen)
     return shown, own, told

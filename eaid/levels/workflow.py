@@ -27,7 +27,6 @@ from eaid.levels.drive_limit import flat_levels, limit_at, limit_explains_as_wel
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.friction import friction_part, quote_levels, reach_over_slow_parts, white_ends
 from eaid.levels.from_steps import fit_levels_first, fit_nonlinear, refit_nonlinear
-from eaid.levels.huber import fit_with_loss
 from eaid.levels.jitter import Starts, find_starts_apart, lay_in_step
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import find_flat_levels, nonlinear_part
@@ -43,6 +42,7 @@ from eaid.levels.tails import (
     settle_tails,
     take_off_tails,
 )
+from eaid.levels.task import Task, fit_with_loss
 from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE, Plant
 from eaid.plant.forms import RESTING
@@ -268,9 +268,10 @@ def _fit_levels(
     plain, whole = data_of(kept, stepset.creep), stepset
     data = plain if on_tails is None else replace(plain, compressed=on_tails.points)
     stepset = replace(stepset, levels=kept)
+    task = Task(stepset, data, options, held_out, progress)
     with np.errstate(all="ignore"):
         fitted = _fit_model if "nonlinear" in models else _fit_each_level
-        result, near = fitted(stepset, data, models, options, held_out, progress)
+        result, near = fitted(task, models)
         scatter, share = near.scatter, None
         drift = session_drift(scatter, stepset.runs)
         findings = [*result.findings, *scatter_findings(scatter, told=bool(drift)), *drift]
@@ -283,7 +284,7 @@ def _fit_levels(
                 share, more = share_of(near, data)
                 findings += more
         if "linear" in models:
-            linear, more = linear_part(plain, scatter, options, held_out)
+            linear, more = linear_part(replace(task, data=plain), scatter)
             result = msgspec.structs.replace(result, linear=linear)
             findings += more
     summary = Uncertainty(
@@ -304,59 +305,43 @@ def _fit_levels(
     return msgspec.structs.replace(result, findings=tuple(findings)), scatter
 
 
-def _fit_model(
-    stepset: StepSet,
-    data: Data,
-    models: Sequence[str],
-    options: FitOptions,
-    held_out: Sequence[Level],
-    progress: Callable[[], None] | None,
-) -> tuple[Fit, Estimate | OwnLevels]:
+def _fit_model(task: Task, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLevels]:
     """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
-    levels, share = stepset.levels, options.held_share
-    first, huber = fit_with_loss(
-        "nonlinear", data, options.loss, lambda d, near: estimate_levels_first(levels, d, share, near)
-    )
+    options, levels, share = task.options, task.stepset.levels, task.options.held_share
+    first, huber = fit_with_loss(task, "nonlinear", lambda d, near: estimate_levels_first(levels, d, share, near))
     joint, of_joint = fit_with_loss(
-        "nonlinear", data, options.loss, lambda d, near: refit_nonlinear(d, near) if near else fit_nonlinear(d, share)
+        task, "nonlinear", lambda d, near: refit_nonlinear(d, near) if near else fit_nonlinear(d, share)
     )
     papers, draws = options.estimator == "joint", None
     if options.curve == "auto" and not papers and bool((first.scatter.repeats > 1).any()) and find_flat_levels(first):
-        options = replace(options, curve="levels")
+        task = replace(task, options=replace(options, curve="levels"))
     if options.ci == "bootstrap":
         refit = (lambda again: refit_nonlinear(again, joint).x) if papers else first.refit
-        draws = bootstrap(first.scatter, data, refit, options, progress)
-    model, values, findings = nonlinear_part(stepset, data, first, joint, options, held_out, draws)
+        draws = bootstrap(task, first.scatter, refit)
+    model, values, findings = nonlinear_part(task, first, joint, draws)
     findings += of_joint if papers else huber
     result = Fit(nonlinear=model)
     if "friction" in models:
-        part, more = friction_part(stepset, values, data, options)
+        part, more = friction_part(task, values)
         findings += more
         result = msgspec.structs.replace(result, friction=part)
     return msgspec.structs.replace(result, findings=tuple(findings)), first
 
 
-def _fit_each_level(
-    stepset: StepSet,
-    data: Data,
-    models: Sequence[str],
-    options: FitOptions,
-    held_out: Sequence[Level],
-    progress: Callable[[], None] | None,
-) -> tuple[Fit, Estimate | OwnLevels]:
+def _fit_each_level(task: Task, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLevels]:
     """Every level by itself, with trends over the levels; their estimates."""
-    levels, share = stepset.levels, options.held_share
-    own, huber = fit_with_loss("friction", data, options.loss, lambda d, near: own_levels(levels, d, share, near))
+    options, levels, share = task.options, task.stepset.levels, task.options.held_share
+    own, huber = fit_with_loss(task, "friction", lambda d, near: own_levels(levels, d, share, near))
     if "friction" not in models:
         return Fit(), own
     ends = reach_over_slow_parts(own, own.intervals)
     if options.ci == "white":
         ends = white_ends(own)
     elif options.ci == "bootstrap":  # refits that run away count by rank
-        draws = bootstrap(own.scatter, data, lambda d: own_levels(levels, d, share, own).logs, options, progress)
+        draws = bootstrap(task, own.scatter, lambda d: own_levels(levels, d, share, own).logs)
         ends = drawn_ends(own.logs, draws, ends[2])
     values = quote_levels(levels, own.scatter.theta, own.scatter.held, ends)
-    part, findings = friction_part(stepset, values, data, options, own, held_out)
+    part, findings = friction_part(task, values, own)
     return Fit(friction=part, findings=(*findings, *huber)), own
 
 
