@@ -29,7 +29,7 @@ from eaid.estimate.spread import (
     standard_errors,
     t_quantile,
 )
-from eaid.levels.from_steps import Solution, fit_levels_first
+from eaid.levels.from_steps import Solution, fit_levels_first, torques
 from eaid.levels.slow_part import SlowPart, slow_part
 from eaid.levels.torque_curve import TorqueCurve, torque_curve
 from eaid.options import FitOptions
@@ -245,7 +245,7 @@ class Estimate:
         for side in (-1.0, 1.0):
             theta = at.theta.copy()
             theta[2] = np.maximum(theta[2] * np.exp(side * np.minimum(2 * apart[1], SAYS_NOTHING)), theta[1])
-            moved = level_normal(theta, self.solved.steps.data.points, self.solved.steps.torques).theta[0]
+            moved = level_normal(theta, self.solved.steps.data.points, torques).theta[0]
             reached.append(np.abs(np.log(np.maximum(moved, 1e-300) / np.maximum(at.theta[0], 1e-300))))
         bent = np.hypot(by_log[:, 0] * np.minimum(apart[0], 1.0), np.max(reached, axis=0) / 2)
         part = np.minimum(1.0, bent / np.sqrt(np.maximum(np.diag(straight), 1e-300)))
