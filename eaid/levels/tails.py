@@ -100,8 +100,8 @@ def take_off_tails(stepset: StepSet, plant: Plant, tails: Tails) -> StepSet:
     numbers, fallen = plant_numbers(plant), _tails_of_falls(stepset, plant, tails)
 
     def taken(level: Level, of: Tails, left: Array) -> Level:
-        states, means = tails_of(of, level).transpose(1, 0, 2)
-        return replace(level, runs=level.runs - states @ left + means.sum(axis=1, keepdims=True))
+        pairs = zip(level.runs, tails_of(of, level), strict=True)
+        return replace(level, runs=np.array([run - states @ left + means.sum() for run, (states, means) in pairs]))
 
     levels = tuple(taken(one, tails, left_of_start(numbers, one.level, one.time_s)) for one in stepset.levels)
     releases = tuple(
