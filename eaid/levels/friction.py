@@ -77,20 +77,17 @@ def quote_levels(
     T_s and τ1 then rest on a τ2 that the records do not tell, and their intervals are wider by `WIDER`.
     """
     low, high, degrees = (part.copy() for part in ends)
-    if tau2_open(levels, theta, (low, high)):
+    if tau2_open(levels, theta[2], low[2], high[2]):
         low[:2], high[:2] = widen(low[:2], high[:2])
         high[2] = np.inf
     return LevelValues(levels, theta, held, low, high, degrees)
 
 
-def tau2_open(levels: Sequence[Level], theta: Array, ends: tuple[Array, Array]) -> bool:
-    """Whether τ2 of most levels lies too far beyond the record to be quoted."""
-    low, high = ends
+def tau2_open(levels: Sequence[Level], tau2: Array, low: Array, high: Array) -> bool:
+    """Whether τ2 of most levels, between its ends on the logarithm, lies too far beyond the record to be quoted."""
     record = np.array([level.time_s[-1] for level in levels])
-    half = 0.5 * (high - low)[2]
-    beyond = (high[2] > np.log(QUOTED_RECORDS * record)) | (
-        half > np.minimum(KNOWN_TO * record / theta[2], WIDEST_TAU2)
-    )
+    vague = 0.5 * (high - low) > np.minimum(KNOWN_TO * record / tau2, WIDEST_TAU2)
+    beyond = vague | (high > np.log(QUOTED_RECORDS * record))
     return bool(2 * beyond.sum() > len(levels))
 
 
@@ -99,11 +96,10 @@ def reach_over_slow_parts(own: OwnLevels, ends: tuple[Array, Array, Array]) -> t
     a C that is held: from the plateau to the plateau over C."""
     if own.scatter.share_free:
         return ends
-    low, high, degrees = ends[0].copy(), ends[1].copy(), ends[2]
+    low, high, degrees = (part.copy() for part in ends)
     for i, (level, one) in enumerate(zip(own.levels, own.each, strict=True)):
-        at = slice(i, i + 1)
         met = "tau2" in own.scatter.held[i]
-        if met or tau2_open([level], own.scatter.theta[:, at], (low[:, at], high[:, at])):
+        if met or tau2_open([level], own.scatter.theta[2, i], low[2, i], high[2, i]):
             least, most = np.log(np.maximum([one.slow.Ts_low[0], one.slow.Ts_high[0]], 1e-300)).tolist()
             half = 0.5 * float(high[0, i] - low[0, i])
             low[0, i], high[0, i] = min(low[0, i], least - half), max(high[0, i], most + half)

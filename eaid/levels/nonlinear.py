@@ -186,7 +186,7 @@ def own_values(one: Standing, estimate: Estimate, options: FitOptions) -> LevelV
     slow, holding, unseen = estimate.slow, bool(HOLDING & {*one.held}), estimate.leaves_slow_part(high[2])
     if unseen or (holding and (estimate.scatter.repeats == 1).all()):  # what noise makes of a run no other run shows
         slow = slow_part(estimate.levels, estimate.solved.steps, estimate.solved.x, tested=False)
-    if one.part.C_free or not (slow.endless or tau2_open(estimate.levels, theta, (low, high)) or holding or unseen):
+    if one.part.C_free or not (slow.endless or tau2_open(one.levels, theta[2], low[2], high[2]) or holding or unseen):
         if estimate.level_scatter > 0:
             beyond = np.maximum(0.5 * (high[0] - low[0]) - estimate.curve_half_width(), 0.0)
             low[0], high[0], degrees[0] = value - half - beyond, value + half + beyond, known
