@@ -1,23 +1,24 @@
-"""Is the model right? Lack of fit against the spread of the repeats, decay under hold, the C that the runs ask for."""
+"""Is the model right, and are the runs? Lack of fit, decay under hold, repeats that are off, the C that runs ask for."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import msgspec
 import numpy as np
-from scipy.special import fdtri
+from scipy.special import fdtri, stdtrit
 
 from eaid.arrays import Array, median
-from eaid.estimate.data import Data
+from eaid.estimate.data import Data, explains_little
 from eaid.estimate.forms import Model, friction
-from eaid.estimate.scatter import CURVES, Scatter
+from eaid.estimate.scatter import CURVES, Scatter, common_shifts
 from eaid.estimate.spread import interval_of, t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import Estimate
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.from_steps import fit_levels_first
+from eaid.plant.forms import RESTING
 from eaid.results.models import LackOfFit, ShareEstimate
-from eaid.steps.noise import fit_line
+from eaid.steps.noise import block_means, fit_line
 from eaid.steps.step import PEAK_PART, hold_of, moving_means, whole_means
 from eaid.steps.stepset import Level
 
@@ -28,6 +29,9 @@ SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoo
 # Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance
 FEWEST_MISSED = 3
 HELD_MISSED_FAR = 0.015  # Part of the held output, in the middle, by which they miss it so that no interval holds it
+ODD_REPEAT = 0.01  # Probability at which a good repeat would be said to lie off the others
+SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
+LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 FEWEST_LEVELS, NEAR_0 = 3, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
 
 
@@ -136,6 +140,57 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[F
         alike = finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size)
         findings.append(msgspec.structs.replace(alike, severity="caution") if part > HELD_MISSED_FAR else alike)
     return tuple(rows), findings
+
+
+def scatter_findings(scatter: Scatter, told: bool = False) -> list[Finding]:
+    """What the scatter of the runs itself says: single runs; sweeps, where no drift of the session was `told`."""
+    if scatter.source != "repeats":
+        return [finding("single-runs" if scatter.source == "curve" else "single-runs-few-levels", "data")]
+    if not scatter.swept or told:
+        return odd_repeats(scatter)
+    shifted = tuple(name for name, common in zip(CURVES, scatter.pooled.common, strict=False) if common > 0)
+    sweeps, runs = int(scatter.repeats.max()), int(scatter.repeats.sum())
+    return [*odd_repeats(scatter), finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
+
+
+def no_steps(scatter: Scatter) -> list[Finding]:
+    """Levels that no step response explains: those whose output stays at rest, and others."""
+    pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
+    little = {one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])}
+    tops = {one.level: float(np.abs(block_means(one.mean)).max()) for one in scatter.levels}
+    still = {u for u in little if tops[u] <= RESTING * max(tops.values())}
+    found = {"output-stays-at-rest": sorted(still), "curve-explains-little": sorted(little - still)}
+    return [finding(code, "friction", levels) for code, levels in found.items() if levels]
+
+
+def odd_repeats(scatter: Scatter) -> list[Finding]:
+    """One repeat of three or more whose τ1 or τ2 lies off the others', at one level, or in sweeps at all of them.
+
+    Its distance to the others' mean against the scatter of all runs but it, a t test at `ODD_REPEAT` in all; in sweeps
+    against what is left of the levels, and `SWEEPS_APART` times what the other sweeps lie apart.
+    """
+    findings = []
+    for k, name in ((1, "tau1"), (2, "tau2")):
+        size = np.sqrt(scatter.pooled.expected[:, k] * scatter.repeats)  # how far single runs of each level scatter
+        rows = [i for i, one in enumerate(scatter.runs) if scatter.usable[i, k] and len(one.shift) > 2]
+        sweeps = common_shifts(scatter.runs, k) if len(rows) == len(scatter.levels) else None
+        off_all = [scatter.runs[i].shift[:, k] - (0.0 if sweeps is None else sweeps) for i in rows]
+        squares = sum(float(d @ d) / size[i] ** 2 for i, d in zip(rows, off_all, strict=True))
+        degrees = sum(len(d) - 1 for d in off_all) - (1 if sweeps is None else len(sweeps) - 1)
+        limit = float(stdtrit(degrees, 1 - ODD_REPEAT / 4 / sum(map(len, off_all)))) if degrees > 0 else np.inf
+        groups = [([i], d) for i, d in zip(rows, off_all, strict=True)] if sweeps is None else [(rows, sweeps)]
+        for at, d in groups:
+            r, scale = int(np.abs(d - median(d)).argmax()), float(np.sqrt(np.mean(size[at] ** 2) / len(at)))
+            others = np.delete(d, r)
+            off = float(d[r] - others.mean())
+            left = squares - (off / scale) ** 2 * len(others) / len(d) if sweeps is None else squares
+            error = scale * np.sqrt(max(left, 0.0) / max(degrees, 1) * len(d) / len(others))
+            apart = 0.0 if sweeps is None else SWEEPS_APART * float(np.ptp(others))
+            if abs(off) > max(limit * error, apart, LEAST_OFF):
+                runs, levels = (tuple(getattr(scatter.levels[i], what) for i in at) for what in ("names", "level"))
+                pct, names = float(100 * np.expm1(off)), tuple(one[r] for one in runs)
+                findings.append(finding("repeat-is-off", "data", levels, runs=names, parameter=name, off_pct=pct))
+    return findings
 
 
 VAGUE = 0.1  # Half-width of C beyond which the runs say hardly anything of it

@@ -10,16 +10,15 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
 from eaid.arrays import median
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
-from eaid.estimate.data import Data, data_of, explains_little
-from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
+from eaid.estimate.data import Data, data_of
+from eaid.estimate.scatter import Scatter, noise_of
 from eaid.findings import Finding, finding, merged, ranked
-from eaid.levels.adequacy import adequacy, share_of
+from eaid.levels.adequacy import adequacy, no_steps, scatter_findings, share_of
 from eaid.levels.bootstrap import bootstrap, drawn_ends
 from eaid.levels.certainty import Estimate, estimate_levels_first
 from eaid.levels.creep import find_share_and_creep
@@ -45,7 +44,6 @@ from eaid.levels.tails import (
 from eaid.levels.task import Task, fit_with_loss
 from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE, Plant
-from eaid.plant.forms import RESTING
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FitGiven
 from eaid.results.models import CreepFound, FittedData, Friction, LackOfFit, Release, Uncertainty
@@ -53,17 +51,13 @@ from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged
 from eaid.shapes.delay import Begin, cut_behind, dead_time_of
 from eaid.shapes.each_step import between_rows, fit_another_shape, fit_single_steps
-from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level, StepSet
 
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
-ODD_REPEAT = 0.01  # Probability at which a good repeat would be said to lie off the others
 # Findings that no creep leaves behind it
 WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike", "polynomials-too-low")
 NO_STEP_CODES = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
 LARGE_TAIL = 0.2  # Part of its level's output, from which on a tail puts a run off the others
-SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
-LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 
 
 def keep_quotable(value: Any) -> Any:
@@ -343,57 +337,6 @@ def _fit_each_level(task: Task, models: Sequence[str]) -> tuple[Fit, Estimate | 
     values = quote_levels(levels, own.scatter.theta, own.scatter.held, ends)
     part, findings = friction_part(task, values, own)
     return Fit(friction=part, findings=(*findings, *huber)), own
-
-
-def scatter_findings(scatter: Scatter, told: bool = False) -> list[Finding]:
-    """What the scatter of the runs itself says: single runs; sweeps, where no drift of the session was `told`."""
-    if scatter.source != "repeats":
-        return [finding("single-runs" if scatter.source == "curve" else "single-runs-few-levels", "data")]
-    if not scatter.swept or told:
-        return odd_repeats(scatter)
-    shifted = tuple(name for name, common in zip(CURVES, scatter.pooled.common, strict=False) if common > 0)
-    sweeps, runs = int(scatter.repeats.max()), int(scatter.repeats.sum())
-    return [*odd_repeats(scatter), finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
-
-
-def no_steps(scatter: Scatter) -> list[Finding]:
-    """Levels that no step response explains: those whose output stays at rest, and others."""
-    pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
-    little = {one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])}
-    tops = {one.level: float(np.abs(block_means(one.mean)).max()) for one in scatter.levels}
-    still = {u for u in little if tops[u] <= RESTING * max(tops.values())}
-    found = {"output-stays-at-rest": sorted(still), "curve-explains-little": sorted(little - still)}
-    return [finding(code, "friction", levels) for code, levels in found.items() if levels]
-
-
-def odd_repeats(scatter: Scatter) -> list[Finding]:
-    """One repeat of three or more whose τ1 or τ2 lies off the others', at one level, or in sweeps at all of them.
-
-    Its distance to the others' mean against the scatter of all runs but it, a t test at `ODD_REPEAT` in all; in sweeps
-    against what is left of the levels, and `SWEEPS_APART` times what the other sweeps lie apart.
-    """
-    findings = []
-    for k, name in ((1, "tau1"), (2, "tau2")):
-        size = np.sqrt(scatter.pooled.expected[:, k] * scatter.repeats)  # how far single runs of each level scatter
-        rows = [i for i, one in enumerate(scatter.runs) if scatter.usable[i, k] and len(one.shift) > 2]
-        sweeps = common_shifts(scatter.runs, k) if len(rows) == len(scatter.levels) else None
-        off_all = [scatter.runs[i].shift[:, k] - (0.0 if sweeps is None else sweeps) for i in rows]
-        squares = sum(float(d @ d) / size[i] ** 2 for i, d in zip(rows, off_all, strict=True))
-        degrees = sum(len(d) - 1 for d in off_all) - (1 if sweeps is None else len(sweeps) - 1)
-        limit = float(stdtrit(degrees, 1 - ODD_REPEAT / 4 / sum(map(len, off_all)))) if degrees > 0 else np.inf
-        groups = [([i], d) for i, d in zip(rows, off_all, strict=True)] if sweeps is None else [(rows, sweeps)]
-        for at, d in groups:
-            r, scale = int(np.abs(d - median(d)).argmax()), float(np.sqrt(np.mean(size[at] ** 2) / len(at)))
-            others = np.delete(d, r)
-            off = float(d[r] - others.mean())
-            left = squares - (off / scale) ** 2 * len(others) / len(d) if sweeps is None else squares
-            error = scale * np.sqrt(max(left, 0.0) / max(degrees, 1) * len(d) / len(others))
-            apart = 0.0 if sweeps is None else SWEEPS_APART * float(np.ptp(others))
-            if abs(off) > max(limit * error, apart, LEAST_OFF):
-                runs, levels = (tuple(getattr(scatter.levels[i], what) for i in at) for what in ("names", "level"))
-                pct, names = float(100 * np.expm1(off)), tuple(one[r] for one in runs)
-                findings.append(finding("repeat-is-off", "data", levels, runs=names, parameter=name, off_pct=pct))
-    return findings
 
 
 def usual_idle(stepset: StepSet) -> float:
