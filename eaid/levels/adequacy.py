@@ -1,4 +1,4 @@
-"""Is the model right, and are the runs? Lack of fit, decay under hold, repeats that are off, the C that runs ask for."""
+"""Is the model right, are the runs alike? Lack of fit, decay under hold, odd repeats, the C that the runs ask for."""
 
 from collections.abc import Sequence
 from dataclasses import replace

@@ -16,12 +16,12 @@ from eaid.estimate.data import Data
 from eaid.estimate.points import Points, compress
 from eaid.estimate.scatter import Scatter, windows_of
 from eaid.estimate.spread import t_quantile
-from eaid.levels.task import Task
+from eaid.levels.task import FitTask
 from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level
 
 
-def bootstrap(task: Task, of_runs: Scatter, refit: Callable[[Data], Array]) -> Array:
+def bootstrap(task: FitTask, of_runs: Scatter, refit: Callable[[Data], Array]) -> Array:
     """What `refit` makes of resampled sets, (draws, …)."""
     data, options = task.data, task.options
     runs = [_compress_runs(level, data.points.y.shape[1]) for level in of_runs.levels]

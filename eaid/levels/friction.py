@@ -18,7 +18,7 @@ from eaid.estimate.trends import fit_trends
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import SAYS_NOTHING
 from eaid.levels.each_level import OwnLevels
-from eaid.levels.task import Task
+from eaid.levels.task import FitTask
 from eaid.plant.dynamics import SHARE, TAU_FLOOR_S, Step
 from eaid.plant.steps import step_response
 from eaid.results.common import HoldOut, Interval
@@ -123,7 +123,7 @@ def white_ends(own: OwnLevels) -> tuple[Array, Array, Array]:
     return own.logs + low, own.logs + high, degrees
 
 
-def friction_part(task: Task, values: LevelValues, own: OwnLevels | None = None) -> tuple[Friction, list[Finding]]:
+def friction_part(task: FitTask, values: LevelValues, own: OwnLevels | None = None) -> tuple[Friction, list[Finding]]:
     """The friction model: rows of all levels, trends, and their warnings; `own` where each was fitted by itself."""
     stepset, data, options = task.stepset, task.data, task.options
     over, x = trend_axis(stepset, data.u)

@@ -18,7 +18,7 @@ from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
 from eaid.levels.from_steps import UNSEEN_PART, Solution, fit_linear, textbook_covariance
-from eaid.levels.task import Task, fit_with_loss
+from eaid.levels.task import FitTask, fit_with_loss
 from eaid.plant import linear
 from eaid.plant.forms import RESTING
 from eaid.plant.linear import LinearPlant as LinearModel
@@ -118,7 +118,7 @@ def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter
     return LinearLevelIntervals(*(None if v is None else interval_of(v, v * v * one, spare) for v, one, spare in rows))
 
 
-def linear_part(task: Task, scatter: Scatter) -> tuple[Linear, list[Finding]]:
+def linear_part(task: FitTask, scatter: Scatter) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
     data, options = task.data, task.options
     solved, huber = fit_with_loss(task, "linear", lambda d, _: fit_linear(d))

@@ -36,7 +36,7 @@ from eaid.levels.friction import (
 )
 from eaid.levels.from_steps import Solution, textbook_covariance
 from eaid.levels.slow_part import slow_part
-from eaid.levels.task import Task
+from eaid.levels.task import FitTask
 from eaid.levels.unseen import leave_levels_out
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
@@ -120,7 +120,7 @@ class Standing:
 
 
 def nonlinear_part(
-    task: Task, estimate: Estimate, joint: Solution, draws: Array | None
+    task: FitTask, estimate: Estimate, joint: Solution, draws: Array | None
 ) -> tuple[results.Nonlinear, LevelValues, list[Finding]]:
     """The model, its values at the levels, findings; `draws` are its refits to resampled runs, (draws, n)."""
     data, options, held_out = task.data, task.options, task.held_out

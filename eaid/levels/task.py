@@ -27,7 +27,7 @@ HELD_BACK_MUCH = (
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class FitTask:
     """Steps from rest that are to be fitted, and how."""
 
     stepset: StepSet  # With the levels that are not held out
@@ -48,7 +48,7 @@ SolutionT = TypeVar("SolutionT", bound=Curves)
 
 
 def fit_with_loss(
-    task: Task, subject: str, solve: Callable[[Data, SolutionT | None], SolutionT]
+    task: FitTask, subject: str, solve: Callable[[Data, SolutionT | None], SolutionT]
 ) -> tuple[SolutionT, list[Finding]]:
     """The solution, and levels of which Huber's loss holds back so much that it cannot be spikes; `solve` may go on
     from an earlier solution."""

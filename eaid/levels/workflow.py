@@ -41,7 +41,7 @@ from eaid.levels.tails import (
     settle_tails,
     take_off_tails,
 )
-from eaid.levels.task import Task, fit_with_loss
+from eaid.levels.task import FitTask, fit_with_loss
 from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE, Plant
 from eaid.results.common import Input, Source
@@ -262,7 +262,7 @@ def _fit_levels(
     plain, whole = data_of(kept, stepset.creep), stepset
     data = plain if on_tails is None else replace(plain, compressed=on_tails.points)
     stepset = replace(stepset, levels=kept)
-    task = Task(stepset, data, options, held_out, progress)
+    task = FitTask(stepset, data, options, held_out, progress)
     with np.errstate(all="ignore"):
         fitted = _fit_model if "nonlinear" in models else _fit_each_level
         result, near = fitted(task, models)
@@ -299,7 +299,7 @@ def _fit_levels(
     return msgspec.structs.replace(result, findings=tuple(findings)), scatter
 
 
-def _fit_model(task: Task, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLevels]:
+def _fit_model(task: FitTask, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLevels]:
     """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
     options, levels, share = task.options, task.stepset.levels, task.options.held_share
     first, huber = fit_with_loss(task, "nonlinear", lambda d, near: estimate_levels_first(levels, d, share, near))
@@ -322,7 +322,7 @@ def _fit_model(task: Task, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLe
     return msgspec.structs.replace(result, findings=tuple(findings)), first
 
 
-def _fit_each_level(task: Task, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLevels]:
+def _fit_each_level(task: FitTask, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLevels]:
     """Every level by itself, with trends over the levels; their estimates."""
     options, levels, share = task.options, task.stepset.levels, task.options.held_share
     own, huber = fit_with_loss(task, "friction", lambda d, near: own_levels(levels, d, share, near))
