@@ -91,12 +91,18 @@ def tau2_open(levels: Sequence[Level], tau2: Array, low: Array, high: Array) -> 
     return bool(2 * beyond.sum() > len(levels))
 
 
-def reach_over_slow_parts(own: OwnLevels, ends: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+def quote_each(own: OwnLevels, ends: tuple[Array, Array, Array] | None = None) -> LevelValues:
+    """Values of levels each by itself, with other ends than those that their runs tell where these are given."""
+    ends = reach_over_slow_parts(own) if ends is None else ends
+    return quote_levels(own.levels, own.scatter.theta, own.scatter.held, ends)
+
+
+def reach_over_slow_parts(own: OwnLevels) -> tuple[Array, Array, Array]:
     """The ends of levels, those of T_s over every slow part that a record which does not tell τ2 leaves possible beside
     a C that is held: from the plateau to the plateau over C."""
     if own.scatter.share_free:
-        return ends
-    low, high, degrees = (part.copy() for part in ends)
+        return own.intervals
+    low, high, degrees = (part.copy() for part in own.intervals)
     for i, (level, one) in enumerate(zip(own.levels, own.each, strict=True)):
         met = "tau2" in own.scatter.held[i]
         if met or tau2_open([level], own.scatter.theta[2, i], low[2, i], high[2, i]):

@@ -29,8 +29,8 @@ from eaid.levels.friction import (
     HELD_BY,
     LevelValues,
     level_findings,
+    quote_each,
     quote_levels,
-    reach_over_slow_parts,
     tau2_open,
     widen,
 )
@@ -150,7 +150,7 @@ def nonlinear_part(
         unseen, worse = leave_levels_out(estimate, options)
         more = [*level_scatter_findings(estimate, part), *worse, *parts]
         if (lags := [name for name in bent if name != "Ts"]) and options.ci in ("robust", "none"):
-            own = by_themselves(data, estimate)
+            own = quote_each(own_levels(levels, data, model.share))  # no quadratic follows their time constants
             told = bent_findings(bent, lags, own, values)
     values, shown, solver = own if options.through else values, one.part, one.part.solver
     if options.ci != "none":
@@ -198,13 +198,6 @@ def own_values(one: Standing, estimate: Estimate, options: FitOptions) -> LevelV
     low[1], high[1] = widen(low[1], high[1])
     high[2] = np.inf
     return LevelValues(estimate.levels, theta, held, low, high, degrees)
-
-
-def by_themselves(data: Data, estimate: Estimate) -> LevelValues:
-    """T_s, τ1, τ2 of the levels, each by itself, for no quadratic follows their time constants."""
-    each = own_levels(estimate.levels, data, estimate.model.share)
-    ends = reach_over_slow_parts(each, each.intervals)
-    return quote_levels(estimate.levels, each.scatter.theta, each.scatter.held, ends)
 
 
 def count_misfits(one: Standing, model: Model, misfit: Mapping[str, float]) -> Standing:

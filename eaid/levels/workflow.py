@@ -24,7 +24,7 @@ from eaid.levels.certainty import Estimate, estimate_levels_first
 from eaid.levels.creep import find_share_and_creep
 from eaid.levels.drive_limit import flat_levels, limit_at, limit_explains_as_well
 from eaid.levels.each_level import OwnLevels, own_levels
-from eaid.levels.friction import friction_part, quote_levels, reach_over_slow_parts, white_ends
+from eaid.levels.friction import friction_part, quote_each, white_ends
 from eaid.levels.from_steps import fit_levels_first, fit_nonlinear, refit_nonlinear
 from eaid.levels.jitter import Starts, find_starts_apart, lay_in_step
 from eaid.levels.linear import linear_part
@@ -328,14 +328,13 @@ def _fit_each_level(task: FitTask, models: Sequence[str]) -> tuple[Fit, Estimate
     own, huber = fit_with_loss(task, "friction", lambda d, near: own_levels(levels, d, share, near))
     if "friction" not in models:
         return Fit(), own
-    ends = reach_over_slow_parts(own, own.intervals)
+    ends = None
     if options.ci == "white":
         ends = white_ends(own)
     elif options.ci == "bootstrap":  # refits that run away count by rank
         draws = bootstrap(task, own.scatter, lambda d: own_levels(levels, d, share, own).logs)
-        ends = drawn_ends(own.logs, draws, ends[2])
-    values = quote_levels(levels, own.scatter.theta, own.scatter.held, ends)
-    part, findings = friction_part(task, values, own)
+        ends = drawn_ends(own.logs, draws, own.intervals[2])
+    part, findings = friction_part(task, quote_each(own, ends), own)
     return Fit(friction=part, findings=(*findings, *huber)), own
 
 
