@@ -16,11 +16,12 @@ from eaid.findings import Finding, finding
 from eaid.levels.certainty import Estimate
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.from_steps import fit_levels_first
+from eaid.levels.session_drift import session_drift
 from eaid.plant.forms import RESTING
 from eaid.results.models import LackOfFit, ShareEstimate
 from eaid.steps.noise import block_means, fit_line
 from eaid.steps.step import PEAK_PART, hold_of, moving_means, whole_means
-from eaid.steps.stepset import Level
+from eaid.steps.stepset import Level, RunRecord
 
 OVERSHOOT = 0.05  # Output lost under hold beyond which no monotone curve is right
 DECAY_CHANCE = 0.01  # Probability at which noise alone would be told to be a decay under hold
@@ -142,15 +143,16 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[F
     return tuple(rows), findings
 
 
-def scatter_findings(scatter: Scatter, told: bool = False) -> list[Finding]:
-    """What the scatter of the runs itself says: single runs; sweeps, where no drift of the session was `told`."""
+def scatter_findings(scatter: Scatter, runs: Sequence[RunRecord]) -> list[Finding]:
+    """What the scatter of the runs itself says: single runs; a drift of the session, or sweeps where there is none."""
     if scatter.source != "repeats":
         return [finding("single-runs" if scatter.source == "curve" else "single-runs-few-levels", "data")]
-    if not scatter.swept or told:
-        return odd_repeats(scatter)
-    shifted = tuple(name for name, common in zip(CURVES, scatter.pooled.common, strict=False) if common > 0)
-    sweeps, runs = int(scatter.repeats.max()), int(scatter.repeats.sum())
-    return [*odd_repeats(scatter), finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
+    found = [*odd_repeats(scatter), *(drift := session_drift(scatter, runs))]
+    if scatter.swept and not drift:
+        shifted = tuple(name for name, common in zip(CURVES, scatter.pooled.common, strict=False) if common > 0)
+        sweeps, count = int(scatter.repeats.max()), int(scatter.repeats.sum())
+        found.append(finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=count))
+    return found
 
 
 def no_steps(scatter: Scatter) -> list[Finding]:

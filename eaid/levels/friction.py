@@ -33,6 +33,7 @@ WIDER = 1.4
 # Record lengths that the interval of τ2 may reach to: where most levels' reach further, none is quoted, for what is
 # quoted would be what came out short by chance
 QUOTED_RECORDS = 2.0
+HALF_WIDTH_ROWS = 200  # Rows of a level's curve, denser at its begin, among which the least sure is looked for
 # Parameters that a constraint holds: not estimable
 HELD_BY = {"tau1-floor": ("tau1",), "tau2-meets-tau1": ("tau1", "tau2"), "Ts-zero": ("Ts",), "tau2-endless": ("tau2",)}
 TIME_CONSTANTS = {"tau1", "tau2"}
@@ -261,9 +262,9 @@ def level_findings(values: LevelValues, seen: Scatter | None, subject: str, step
     return findings
 
 
-def curve_half_width(scatter: Scatter, i: int, most: int = 200) -> float:
+def curve_half_width(scatter: Scatter, i: int) -> float:
     """95 % half-width of one level's output curve within its record, in the output's unit."""
     J = scatter.jacobians[i]
-    J = J[np.unique(np.floor(np.geomspace(1, len(J), most))).astype(int) - 1]
+    J = J[np.unique(np.floor(np.geomspace(1, len(J), HALF_WIDTH_ROWS))).astype(int) - 1]
     variance, degrees = Influence(J.T[None], scatter.of_levels.alone(i), np.zeros((0, len(J))), 0.0).variance()
     return float((t_quantile(degrees) * np.sqrt(variance)).max())

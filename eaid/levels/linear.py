@@ -81,7 +81,7 @@ def single_levels(data: Data, solved: Sequence[Solution]) -> tuple[LinearLevel, 
     return tuple(rows)
 
 
-def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None) -> Bounds:
+def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None) -> Bounds:
     """Least and largest B over the kept levels: those that are wanted, else all whose output does not stay at rest."""
     out = find_levels_at_rest(rows) if wanted is None else []
     chosen = [row for row in rows if row.level not in out and (wanted is None or row.level in wanted)]

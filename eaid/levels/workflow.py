@@ -30,7 +30,6 @@ from eaid.levels.jitter import Starts, find_starts_apart, lay_in_step
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import find_flat_levels, nonlinear_part
 from eaid.levels.release import release_fit
-from eaid.levels.session_drift import session_drift
 from eaid.levels.tails import (
     TAIL_MATTERS,
     Tails,
@@ -82,15 +81,13 @@ def _is_known(value: float) -> bool:
 
 
 def fit_steps(
-    stepset: StepSet, options: FitOptions | None = None, progress: Callable[[], None] | None = None,
-    starts: Starts | None = None,
-) -> Fit:  # fmt: skip
+    stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None = None, starts: Starts | None = None
+) -> Fit:
     """Fit a set of steps and find how sure the result is: what `eaid.fit` calls.
 
     `progress` is called once per bootstrap refit. `UsageError` for an option that is none, or a model that the kind of
     experiment does not allow; `DataError` without a rising step.
     """
-    options = options or FitOptions()
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
         begin, as_given = Begin(), stepset
@@ -267,9 +264,7 @@ def _fit_levels(
         fitted = _fit_model if "nonlinear" in models else _fit_each_level
         result, near = fitted(task, models)
         scatter, share = near.scatter, None
-        drift = session_drift(scatter, stepset.runs)
-        findings = [*result.findings, *scatter_findings(scatter, told=bool(drift)), *drift]
-        findings += no_steps(scatter)
+        findings = [*result.findings, *scatter_findings(scatter, stepset.runs), *no_steps(scatter)]
         misfits: tuple[LackOfFit, ...] = ()
         if "friction" in models or "nonlinear" in models:
             misfits, more = adequacy(scatter, stepset.input_unit)
@@ -292,9 +287,7 @@ def _fit_levels(
     )
     result = msgspec.structs.replace(result, data=data_of_steps(whole), uncertainty=summary)
     if stepset.releases:
-        held_s = {level.level: float(level.time_s[-1]) for level in kept}
-        rises = dict(zip(data.u.tolist(), scatter.curves, strict=True))
-        release, more = release_fit(stepset.releases, rises, held_s, options.held_share or SHARE)
+        release, more = release_fit(stepset.releases, kept, scatter.curves, options.held_share or SHARE)
         result, findings = msgspec.structs.replace(result, release=release), [*findings, *more]
     return msgspec.structs.replace(result, findings=tuple(findings)), scatter
 
