@@ -7,6 +7,7 @@ noise is b var(block means), blocks of b = 0.25 s: white noise of standard devia
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
@@ -109,10 +110,7 @@ def spikes(values: Array, least: float) -> NDArray[np.intp]:
 
 def medians_of_five(values: Array) -> Array:
     """Medians of each sample with two neighbours on both sides, those at the ends repeated, shape (n,)."""
-    wide, n, least, most = np.pad(values, 2, mode="edge"), len(values), np.minimum, np.maximum
-    a, b, c, d, e = (wide[k : k + n] for k in range(5))
-    low, high = most(least(a, b), least(c, d)), least(most(a, b), most(c, d))
-    return np.asarray(most(least(low, high), least(e, most(low, high))))
+    return np.asarray(np.partition(sliding_window_view(np.pad(values, 2, mode="edge"), 5), 2)[:, 2])
 
 
 def glitch(values: Array) -> NDArray[np.intp]:
