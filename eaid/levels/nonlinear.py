@@ -355,20 +355,18 @@ def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]
 
 def joint_findings(joint: results.Nonlinear, one: Standing, code: str) -> list[Finding]:
     """Where the joint fit's curves leave the intervals of the estimate that is believed: the one that does so most."""
-    believed, u, apart = one.values, [level.level for level in one.levels], []
-    for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, one.levels), believed.theta, strict=False)):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            out = ~((np.log(a) >= believed.low[k]) & (np.log(a) <= believed.high[k]))
-        ratio = np.abs(np.log(np.maximum(a, 1e-300) / np.maximum(b, 1e-300)))
-        out &= ~(ratio <= NO_PART)  # of records without noise, whose intervals are points
-        ratio = np.where(out, ratio, -1.0)
-        if out.any():
-            i = int(ratio.argmax())
-            low, high = np.exp([believed.low[k, i], believed.high[k, i]]).tolist()
-            ends = (low, high) if low > 0 and np.isfinite(high) else (None, None)
-            apart.append((ratio[i], out, (name, u[i], float(a[i]), float(b[i]), *ends)))
-    if not apart:
+    believed, a, b = one.values, _curves(joint.parameters, one.levels)[:3], one.theta[:3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out = ~((np.log(a) >= believed.low) & (np.log(a) <= believed.high))
+    ratio = np.abs(np.log(np.maximum(a, 1e-300) / np.maximum(b, 1e-300)))
+    out &= ~(ratio <= NO_PART)  # of records without noise, whose intervals are points
+    if not out.any():
         return []
-    _, out, values = max(apart, key=lambda row: row[0])
-    named = dict(zip(("parameter", "worst", "joint", "other", "low", "high"), values, strict=True))
-    return [finding(code, "nonlinear", [at for at, off in zip(u, out, strict=True) if off], **named)]
+    k, i = np.unravel_index(np.where(out, ratio, -1.0).argmax(), out.shape)
+    levels = [level.level for level in one.levels]
+    low, high = np.exp([believed.low[k, i], believed.high[k, i]]).tolist()
+    low, high = (low, high) if low > 0 and np.isfinite(high) else (None, None)
+    worst: dict[str, Value] = {"parameter": CURVES[k], "worst": levels[i], "low": low, "high": high}
+    worst |= {"joint": float(a[k, i]), "other": float(b[k, i])}
+    at = [level for level, off in zip(levels, out[k], strict=True) if off]
+    return [finding(code, "nonlinear", at, **worst)]
