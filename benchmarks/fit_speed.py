@@ -20,7 +20,7 @@ from eaid.arrays import Array
 from eaid.estimate.data import data_of
 from eaid.levels.each_level import own_levels
 from eaid.levels.from_steps import fit_nonlinear
-from eaid.levels.linear import fit_linear, parameters, unknowns
+from eaid.levels.linear import fit_linear, parameters
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.plant.respond import from_rest
 from eaid.steps.stepset import Level
@@ -150,7 +150,8 @@ def first_order(made: list[Level], t: Array, u: Array, y: Array) -> Row:
         return (p[1] * u + p[2]) / p[0] * (1 - np.exp(-p[0] * t)) - y
 
     def ours() -> Array:
-        p = parameters(*unknowns(fit_linear(data_of(made))))
+        solved = fit_linear(data_of(made))
+        p = parameters(solved.steps.model, solved.x)
         return np.array([p.a0, p.b0, p.c0])
 
     slow, other, _ = timed(lambda: least_squares(residual, [1.0, 0.05, -1.0], x_scale=[1.0, 0.05, 1.0]).x, REPEATS)

@@ -1,25 +1,27 @@
-"""Is the model right? Lack of fit against the spread of the repeats, decay under hold, the C that the runs ask for."""
+"""Is the model right, are the runs alike? Lack of fit, decay under hold, odd repeats, the C that the runs ask for."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import msgspec
 import numpy as np
-from scipy.special import fdtri
+from scipy.special import fdtri, stdtrit
 
 from eaid.arrays import Array, median
-from eaid.estimate.data import Data
+from eaid.estimate.data import Data, explains_little
 from eaid.estimate.forms import Model, friction
-from eaid.estimate.scatter import CURVES, Scatter
-from eaid.estimate.spread import t_quantile
+from eaid.estimate.scatter import CURVES, Scatter, common_shifts
+from eaid.estimate.spread import interval_of, t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import Estimate
 from eaid.levels.each_level import OwnLevels, own_levels
 from eaid.levels.from_steps import fit_levels_first
+from eaid.levels.session_drift import session_drift
+from eaid.plant.forms import RESTING
 from eaid.results.models import LackOfFit, ShareEstimate
-from eaid.steps.noise import fit_line
-from eaid.steps.step import hold_of, moving_means
-from eaid.steps.stepset import Level
+from eaid.steps.noise import block_means, fit_line
+from eaid.steps.step import PEAK_PART, hold_of, moving_means, whole_means
+from eaid.steps.stepset import Level, RunRecord
 
 OVERSHOOT = 0.05  # Output lost under hold beyond which no monotone curve is right
 DECAY_CHANCE = 0.01  # Probability at which noise alone would be told to be a decay under hold
@@ -28,14 +30,10 @@ SINGLE_DEGREES = 4.0  # Degrees of freedom given to the scatter of a single smoo
 # Levels that all repeats have to miss alike, where there are so many: ripple of a rotor does it at one by chance
 FEWEST_MISSED = 3
 HELD_MISSED_FAR = 0.015  # Part of the held output, in the middle, by which they miss it so that no interval holds it
+ODD_REPEAT = 0.01  # Probability at which a good repeat would be said to lie off the others
+SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
+LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 FEWEST_LEVELS, NEAR_0 = 3, 0.5  # Levels that tell an exponent; the largest one that is rather 0 than 1
-
-
-def _moving_means(values: Array) -> Array:
-    """Moving means over a fiftieth of the record, along the last axis."""
-    width = max(1, values.shape[-1] // 50)
-    sums = np.cumsum(np.concatenate([np.zeros((*values.shape[:-1], 1)), values], axis=-1), axis=-1)
-    return np.asarray((sums[..., width:] - sums[..., :-width]) / width)
 
 
 def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
@@ -50,12 +48,12 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
     pooled = sum(float(((fall - fall.mean()) ** 2).sum()) for fall in falls) / max(spare, 1)
     falling = []
     for level, fall in zip(levels, falls, strict=True):
-        smooth = _moving_means(level.mean)
+        smooth = whole_means(level.mean, PEAK_PART)
         if (peak := float(smooth.max())) <= 0:
             continue
         error, degrees, chance = np.sqrt(pooled / len(fall)), float(spare), DECAY_CHANCE
         if len(fall) == 1:
-            after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // 50)]
+            after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // PEAK_PART)]
             left = fit_line(np.arange(len(after)), after).left if len(after) >= 4 else np.full(4, np.inf)
             error, degrees, chance = np.sqrt(2 * (left @ left) / (len(left) - 2)) / peak, SINGLE_DEGREES, SINGLE_CHANCE
         lost = (peak - float(smooth[-1])) / peak
@@ -66,7 +64,7 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
 
 def _losses_under_hold(level: Level) -> Array:
     """What each run loses from its peak to its end, relative to the peak, shape (R,)."""
-    smooth = _moving_means(level.runs)
+    smooth = whole_means(level.runs, PEAK_PART)
     others = smooth if len(smooth) == 1 else smooth.sum(axis=0) - smooth
     peak = np.take_along_axis(smooth, others.argmax(axis=1)[:, None], axis=1)[:, 0]
     return np.asarray((peak - smooth[:, -1]) / np.maximum(np.abs(peak), 1e-300))
@@ -107,11 +105,8 @@ def rise_of_the_rig(levels: Sequence[Level]) -> list[Finding]:
     slopes = np.array([np.mean([_slope(level.time_s, run) for run in level.runs]) for level in levels])
     if not (held > 0).all() or not (slopes > 0).all() or held.max() < 2 * held.min():
         return []
-    x, y = np.log(held), np.log(slopes)
-    found = fit_line(x, y)
-    sd = np.sqrt(float(found.left @ found.left) / (len(x) - 2) / float(((x - x.mean()) ** 2).sum()))
-    reach = float(t_quantile(len(x) - 2.0) * sd)
-    e, low, high = found.slope, found.slope - reach, found.slope + reach
+    e, error, _ = fit_line(np.log(held), np.log(slopes))
+    low, high = interval_of(e, error**2, len(held) - 2.0)
     if abs(e) > NEAR_0 or high > NEAR_0:
         return []
     times = float(held.max() / held.min())
@@ -146,6 +141,58 @@ def adequacy(scatter: Scatter, unit: str) -> tuple[tuple[LackOfFit, ...], list[F
         alike = finding("repeats-miss-alike", "friction", [row.level for row in beyond], **size)
         findings.append(msgspec.structs.replace(alike, severity="caution") if part > HELD_MISSED_FAR else alike)
     return tuple(rows), findings
+
+
+def scatter_findings(scatter: Scatter, runs: Sequence[RunRecord]) -> list[Finding]:
+    """What the scatter of the runs itself says: single runs; a drift of the session, or sweeps where there is none."""
+    if scatter.source != "repeats":
+        return [finding("single-runs" if scatter.source == "curve" else "single-runs-few-levels", "data")]
+    found = [*odd_repeats(scatter), *(drift := session_drift(scatter, runs))]
+    if scatter.swept and not drift:
+        shifted = tuple(name for name, common in zip(CURVES, scatter.pooled.common, strict=False) if common > 0)
+        sweeps, count = int(scatter.repeats.max()), int(scatter.repeats.sum())
+        found.append(finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=count))
+    return found
+
+
+def no_steps(scatter: Scatter) -> list[Finding]:
+    """Levels that no step response explains: those whose output stays at rest, and others."""
+    pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
+    little = {one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])}
+    tops = {one.level: float(np.abs(block_means(one.mean)).max()) for one in scatter.levels}
+    still = {u for u in little if tops[u] <= RESTING * max(tops.values())}
+    found = {"output-stays-at-rest": sorted(still), "curve-explains-little": sorted(little - still)}
+    return [finding(code, "friction", levels) for code, levels in found.items() if levels]
+
+
+def odd_repeats(scatter: Scatter) -> list[Finding]:
+    """One repeat of three or more whose τ1 or τ2 lies off the others', at one level, or in sweeps at all of them.
+
+    Its distance to the others' mean against the scatter of all runs but it, a t test at `ODD_REPEAT` in all; in sweeps
+    against what is left of the levels, and `SWEEPS_APART` times what the other sweeps lie apart.
+    """
+    findings = []
+    for k, name in ((1, "tau1"), (2, "tau2")):
+        size = np.sqrt(scatter.pooled.expected[:, k] * scatter.repeats)  # how far single runs of each level scatter
+        rows = [i for i, one in enumerate(scatter.runs) if scatter.usable[i, k] and len(one.shift) > 2]
+        sweeps = common_shifts(scatter.runs, k) if len(rows) == len(scatter.levels) else None
+        off_all = [scatter.runs[i].shift[:, k] - (0.0 if sweeps is None else sweeps) for i in rows]
+        squares = sum(float(d @ d) / size[i] ** 2 for i, d in zip(rows, off_all, strict=True))
+        degrees = sum(len(d) - 1 for d in off_all) - (1 if sweeps is None else len(sweeps) - 1)
+        limit = float(stdtrit(degrees, 1 - ODD_REPEAT / 4 / sum(map(len, off_all)))) if degrees > 0 else np.inf
+        groups = [([i], d) for i, d in zip(rows, off_all, strict=True)] if sweeps is None else [(rows, sweeps)]
+        for at, d in groups:
+            r, scale = int(np.abs(d - median(d)).argmax()), float(np.sqrt(np.mean(size[at] ** 2) / len(at)))
+            others = np.delete(d, r)
+            off = float(d[r] - others.mean())
+            left = squares - (off / scale) ** 2 * len(others) / len(d) if sweeps is None else squares
+            error = scale * np.sqrt(max(left, 0.0) / max(degrees, 1) * len(d) / len(others))
+            apart = 0.0 if sweeps is None else SWEEPS_APART * float(np.ptp(others))
+            if abs(off) > max(limit * error, apart, LEAST_OFF):
+                runs, levels = (tuple(getattr(scatter.levels[i], what) for i in at) for what in ("names", "level"))
+                pct, names = float(100 * np.expm1(off)), tuple(one[r] for one in runs)
+                findings.append(finding("repeat-is-off", "data", levels, runs=names, parameter=name, off_pct=pct))
+    return findings
 
 
 VAGUE = 0.1  # Half-width of C beyond which the runs say hardly anything of it

@@ -14,31 +14,24 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate.data import Data
 from eaid.estimate.points import Points, compress
-from eaid.estimate.scatter import windows_of
+from eaid.estimate.scatter import Scatter, windows_of
 from eaid.estimate.spread import t_quantile
-from eaid.options import FitOptions
-from eaid.plant.dynamics import Step
+from eaid.levels.task import FitTask
 from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level
 
 
-def bootstrap(
-    levels: Sequence[Level],
-    data: Data,
-    curves: Sequence[Step],
-    refit: Callable[[Data], Array],
-    options: FitOptions,
-    advance: Callable[[], None] | None = None,
-) -> Array:
-    """What `refit` makes of resampled sets, (draws, …); `curves` are those of the levels. `advance`: after each."""
-    runs = [_compress_runs(level, data.points.y.shape[1]) for level in levels]
+def bootstrap(task: FitTask, of_runs: Scatter, refit: Callable[[Data], Array]) -> Array:
+    """What `refit` makes of resampled sets, (draws, …)."""
+    data, options = task.data, task.options
+    runs = [_compress_runs(level, data.points.y.shape[1]) for level in of_runs.levels]
     rows = []
     for i in range(options.draws):
         # the means as they were fitted keep their times; only their compressed values change
         random = np.random.default_rng([options.seed, i])
-        rows.append(refit(replace(data, compressed=_resample(data.points, levels, curves, runs, random))))
-        if advance:
-            advance()
+        rows.append(refit(replace(data, compressed=_resample(data.points, of_runs, runs, random))))
+        if task.progress:
+            task.progress()
     return np.array(rows)
 
 
@@ -60,16 +53,10 @@ def _compress_runs(level: Level, length: int) -> Array:
     return np.pad(rows, ((0, 0), (0, length - rows.shape[1])))
 
 
-def _resample(
-    base: Points,
-    levels: Sequence[Level],
-    curves: Sequence[Step],
-    runs: Sequence[Array],
-    random: "np.random.Generator",
-) -> Points:
+def _resample(base: Points, of_runs: Scatter, runs: Sequence[Array], random: np.random.Generator) -> Points:
     """The levels' means, resampled; `runs` are their compressed runs."""
     y = np.zeros_like(base.y)
-    for k, (level, curve, rows) in enumerate(zip(levels, curves, runs, strict=True)):
+    for k, (level, curve, rows) in enumerate(zip(of_runs.levels, of_runs.curves, runs, strict=True)):
         count = len(rows)
         if count > 1:
             mean, taken = rows.mean(axis=0), random.integers(0, count, count)

@@ -29,7 +29,7 @@ from eaid.estimate.spread import (
     standard_errors,
     t_quantile,
 )
-from eaid.levels.from_steps import Solution, fit_levels_first
+from eaid.levels.from_steps import Solution, fit_levels_first, torques
 from eaid.levels.slow_part import SlowPart, slow_part
 from eaid.levels.torque_curve import TorqueCurve, torque_curve
 from eaid.options import FitOptions
@@ -44,9 +44,10 @@ SHOWN_PART = 0.25  # Of a record, up to which a τ2 is shown by single runs of f
 CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals are found by the score test
 
 
-def with_curve(p: Plant, options: FitOptions, own: KnownPoints) -> Plant:
-    """A model with T_s(u) as the option «curve» has it: the paper's cubic, or through the levels' own values."""
-    return replace(p, Ts_through=own) if options.through else p
+def single_scores(take: Array, information: Array, score: Array, back: Array) -> Array:
+    """Scores of levels of a single run, each without its own say in the estimate, (L, n)."""
+    own = take.transpose(0, 2, 1) @ information @ take
+    return np.array([correct_score(A, back, -T.T @ s) for A, T, s in zip(own, take, score, strict=True)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +83,10 @@ class Estimate:
     def scatter(self) -> Scatter:
         """What the runs say about the levels' curves."""
         return Scatter(tuple(self.levels), self.solved.at.theta, self.model.free_share)
+
+    def residuals(self, data: Data) -> list[Array]:
+        """f − y at every sample of each level, shapes (n_l,)."""
+        return self.solved.residuals(data)
 
     @property
     def by_levels(self) -> bool:
@@ -150,15 +155,10 @@ class Estimate:
         """Scores of levels of a single run, (parts, L + p)."""
         if not self.by_levels:
             return self.of_noise
-        problem, rows, alone = self.solved.steps, self.solved.steps.M[1:], []
-        by_level, information = problem.reduced(at)
-        curvature = np.einsum("kln,lkj,jlm->nm", rows, information, rows)
-        back = free_inverse(curvature, self.blocked[:, len(self.levels) :])
-        for i in range(len(self.levels)):
-            own = rows[:, i].T @ information[i] @ rows[:, i]
-            score = -rows[:, i].T @ by_level[i]
-            alone.append(np.append(np.zeros(len(self.levels)), correct_score(own, back, score))[None])
-        return np.concatenate(alone)
+        L, (score, information) = len(self.levels), self.solved.steps.reduced(at)
+        take = self.take[:, 1:, L:]
+        back = free_inverse(np.einsum("lin,lij,ljm->nm", take, information, take), self.blocked[:, L:])
+        return np.pad(single_scores(take, information, score, back), ((0, 0), (L, 0)))
 
     def _within_run(self, at: Normal, i: int) -> Array:
         """Rows whose squares sum to the covariance of a single run's scores by its own noise, (4, 4)."""
@@ -204,7 +204,7 @@ class Estimate:
         if relative is not None:
             relative = relative[kept] + self.level_scatter**2
         found = self.model.parameters(np.append(other._curve_through(relative, known).coefficients, solved.x))
-        return with_curve(found, options, tuple(self.level_points[k] for k in kept))
+        return replace(found, Ts_through=tuple(self.level_points[k] for k in kept)) if options.through else found
 
     @cached_property
     def levels_about_curve(self) -> MixedLine | None:
@@ -245,7 +245,7 @@ class Estimate:
         for side in (-1.0, 1.0):
             theta = at.theta.copy()
             theta[2] = np.maximum(theta[2] * np.exp(side * np.minimum(2 * apart[1], SAYS_NOTHING)), theta[1])
-            moved = level_normal(theta, self.solved.steps.data.points, self.solved.steps.torques).theta[0]
+            moved = level_normal(theta, self.solved.steps.data.points, torques).theta[0]
             reached.append(np.abs(np.log(np.maximum(moved, 1e-300) / np.maximum(at.theta[0], 1e-300))))
         bent = np.hypot(by_log[:, 0] * np.minimum(apart[0], 1.0), np.max(reached, axis=0) / 2)
         part = np.minimum(1.0, bent / np.sqrt(np.maximum(np.diag(straight), 1e-300)))
@@ -318,8 +318,8 @@ class Estimate:
         return [self.model.parameters(self.coefficients + one) for one in errors]
 
     def plant(self, options: FitOptions) -> Plant:
-        """The same with T_s(u) as the option «curve» has it."""
-        return with_curve(self.parameters, options, self.level_points)
+        """The same with T_s(u) as the option «curve» has it: the paper's cubic, or through the levels' own values."""
+        return replace(self.parameters, Ts_through=self.level_points) if options.through else self.parameters
 
     @property
     def level_points(self) -> KnownPoints:

@@ -17,11 +17,10 @@ import numpy as np
 
 from eaid.arrays import Array, lowest_places, median
 from eaid.estimate.data import Data, data_of
-from eaid.estimate.scatter import log_jacobian, scatter_about
+from eaid.estimate.scatter import scatter_about
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
 from eaid.levels.certainty import Estimate
 from eaid.levels.from_steps import fit_levels_first
-from eaid.plant.dynamics import Step
 from eaid.plant.steps import step_slopes
 from eaid.results.models import ShareEstimate
 from eaid.shapes.shape import is_coloured
@@ -147,16 +146,11 @@ def subtract_creep(data: Data, rate: float, t0: Array) -> Data:
 
 def _creep_columns(near: Estimate, t0: Array) -> list[Array]:
     """How the curves go with T_s of each level over its size, with x and with the rate, (n_l, L + p + 1) each."""
-    steps, found = near.solved.steps, []
-    count = len(near.levels)
-    for k, (level, theta) in enumerate(zip(near.levels, near.solved.at.theta.T.tolist(), strict=True)):
-        slopes = step_slopes(Step(*theta), level.time_s)
-        columns = np.zeros((len(level.time_s), count + len(near.solved.x) + 1))
-        columns[:, k] = slopes[0] * near.size[k]
-        columns[:, count:-1] = slopes[1:].T @ steps.M[1:, k]
-        columns[:, -1] = level.time_s + t0[k]
-        found.append(columns)
-    return found
+    rows = zip(near.levels, near.scatter.curves, near.take, t0.tolist(), strict=True)
+    return [
+        np.column_stack([step_slopes(curve, level.time_s).T @ take, level.time_s + since])
+        for level, curve, take, since in rows
+    ]
 
 
 def _sum_scores(near: Estimate, data: Data, columns: Sequence[Array]) -> tuple[Array, Array]:
@@ -178,10 +172,10 @@ def _creep_errors(near: Estimate, back: Array, columns: Sequence[Array], score: 
         pulled = ((score @ back @ asked.T) ** 2).sum(axis=0) * count / shared
         return np.sqrt(pulled), np.full(2, float(shared))
     along, own = [], []
-    for level, curve, J, w in zip(near.levels, near.scatter.curves, columns, near.solved.steps.weight, strict=True):
-        creep = J[:, -1:] * curve.Ts / float(level.time_s[-1])
-        own.append(np.hstack([log_jacobian(curve, level.time_s, near.model.free_share), creep]))
-        along.append(w * own[-1].T @ J)
+    rows = zip(near.levels, near.solved.at.theta[0], near.scatter.jacobians, columns, strict=True)
+    for k, (level, Ts, by_logs, J) in enumerate(rows):
+        own.append(np.hstack([by_logs, J[:, -1:] * Ts / level.time_s[-1]]))
+        along.append(near.solved.steps.weight[k] * own[-1].T @ J)
     seen = scatter_about(near.levels, own)
     every = np.broadcast_to(seen.degrees / seen.degrees.sum(), seen.mixed.shape)  # one number of all levels
     seen = replace(seen, mixed=every)

@@ -6,12 +6,14 @@ from functools import cached_property
 
 import msgspec
 import numpy as np
+from scipy.special import expit, logit
 
 from eaid.arrays import Array
 from eaid.estimate.data import Data
+from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.solver import solver_verdict
-from eaid.estimate.spread import Influence, t_quantile
+from eaid.estimate.spread import Influence, interval_of
 from eaid.levels.certainty import Estimate
 from eaid.levels.from_steps import fit_levels_first
 from eaid.results.common import Interval, Solver
@@ -30,6 +32,15 @@ class OwnLevels:
         """What the runs say of their curves."""
         theta = np.concatenate([one.solved.at.theta for one in self.each], axis=1)
         return Scatter(self.levels, theta, self.each[0].model.free_share)
+
+    @property
+    def logs(self) -> Array:
+        """ln T_s, ln τ1, ln τ2 of the levels, (3, L)."""
+        return np.log(np.maximum(self.scatter.theta[:3], 1e-300))
+
+    def residuals(self, data: Data) -> list[Array]:
+        """f − y at every sample of each level, shapes (n_l,)."""
+        return level_residuals(self.scatter.theta, data.records)
 
     @cached_property
     def solver(self) -> Solver:
@@ -57,16 +68,11 @@ class OwnLevels:
         """95 % interval of a free C of one level; None where it was held."""
         if not self.scatter.share_free:
             return None
-        share = self.scatter.theta[3, i]
-        logit = np.log(share / (1 - share)) if 0 < share < 1 else np.inf
         seen = self.scatter.of_levels.alone(i)
         own = Influence(np.eye(1, 4, 3)[:, :, None], seen, np.zeros((0, 1)), 0.0)
         variance, degrees = (float(one[0]) for one in own.variance())
-        reach = t_quantile(degrees) * float(np.sqrt(variance))
-        if not np.isfinite(logit + reach):
-            return None
-        low, high = (float(1 / (1 + np.exp(-np.clip(logit + side * reach, -700, 700)))) for side in (-1, 1))
-        return low, high
+        low, high = interval_of(float(logit(self.scatter.theta[3, i])), variance, degrees)
+        return (float(expit(low)), float(expit(high))) if np.isfinite([low, high]).all() else None
 
 
 def own_levels(levels: Sequence[Level], data: Data, share: float | None, near: OwnLevels | None = None) -> OwnLevels:

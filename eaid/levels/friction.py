@@ -11,7 +11,6 @@ import numpy as np
 
 from eaid.arrays import Array, Mask
 from eaid.estimate import data as metrics
-from eaid.estimate.data import Data
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, MEETING, Scatter
 from eaid.estimate.spread import Influence, t_quantile, textbook
@@ -19,7 +18,7 @@ from eaid.estimate.trends import fit_trends
 from eaid.findings import Finding, finding
 from eaid.levels.certainty import SAYS_NOTHING
 from eaid.levels.each_level import OwnLevels
-from eaid.options import FitOptions
+from eaid.levels.task import FitTask
 from eaid.plant.dynamics import SHARE, TAU_FLOOR_S, Step
 from eaid.plant.steps import step_response
 from eaid.results.common import HoldOut, Interval
@@ -34,6 +33,7 @@ WIDER = 1.4
 # Record lengths that the interval of τ2 may reach to: where most levels' reach further, none is quoted, for what is
 # quoted would be what came out short by chance
 QUOTED_RECORDS = 2.0
+HALF_WIDTH_ROWS = 200  # Rows of a level's curve, denser at its begin, among which the least sure is looked for
 # Parameters that a constraint holds: not estimable
 HELD_BY = {"tau1-floor": ("tau1",), "tau2-meets-tau1": ("tau1", "tau2"), "Ts-zero": ("Ts",), "tau2-endless": ("tau2",)}
 TIME_CONSTANTS = {"tau1", "tau2"}
@@ -77,68 +77,62 @@ def quote_levels(
 
     T_s and τ1 then rest on a τ2 that the records do not tell, and their intervals are wider by `WIDER`.
     """
-    low, high, degrees = ends
-    if tau2_open(levels, theta, (low, high)):
-        both = [widen(low[k], high[k]) for k in range(2)]
-        low, high = (np.vstack([*(ends[side] for ends in both), (low, high)[side][2]]) for side in range(2))
+    low, high, degrees = (part.copy() for part in ends)
+    if tau2_open(levels, theta[2], low[2], high[2]):
+        low[:2], high[:2] = widen(low[:2], high[:2])
         high[2] = np.inf
     return LevelValues(levels, theta, held, low, high, degrees)
 
 
-def tau2_open(levels: Sequence[Level], theta: Array, ends: tuple[Array, Array]) -> bool:
-    """Whether τ2 of most levels lies too far beyond the record to be quoted."""
-    low, high = ends
+def tau2_open(levels: Sequence[Level], tau2: Array, low: Array, high: Array) -> bool:
+    """Whether τ2 of most levels, between its ends on the logarithm, lies too far beyond the record to be quoted."""
     record = np.array([level.time_s[-1] for level in levels])
-    half = 0.5 * (high - low)[2]
-    beyond = (high[2] > np.log(QUOTED_RECORDS * record)) | (
-        half > np.minimum(KNOWN_TO * record / theta[2], WIDEST_TAU2)
-    )
+    vague = 0.5 * (high - low) > np.minimum(KNOWN_TO * record / tau2, WIDEST_TAU2)
+    beyond = vague | (high > np.log(QUOTED_RECORDS * record))
     return bool(2 * beyond.sum() > len(levels))
 
 
-def reach_over_slow_parts(own: OwnLevels, ends: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+def quote_each(own: OwnLevels, ends: tuple[Array, Array, Array] | None = None) -> LevelValues:
+    """Values of levels each by itself, with other ends than those that their runs tell where these are given."""
+    ends = reach_over_slow_parts(own) if ends is None else ends
+    return quote_levels(own.levels, own.scatter.theta, own.scatter.held, ends)
+
+
+def reach_over_slow_parts(own: OwnLevels) -> tuple[Array, Array, Array]:
     """The ends of levels, those of T_s over every slow part that a record which does not tell τ2 leaves possible beside
     a C that is held: from the plateau to the plateau over C."""
     if own.scatter.share_free:
-        return ends
-    low, high, degrees = ends[0].copy(), ends[1].copy(), ends[2]
+        return own.intervals
+    low, high, degrees = (part.copy() for part in own.intervals)
     for i, (level, one) in enumerate(zip(own.levels, own.each, strict=True)):
-        at = slice(i, i + 1)
         met = "tau2" in own.scatter.held[i]
-        if met or tau2_open([level], own.scatter.theta[:, at], (low[:, at], high[:, at])):
+        if met or tau2_open([level], own.scatter.theta[2, i], low[2, i], high[2, i]):
             least, most = np.log(np.maximum([one.slow.Ts_low[0], one.slow.Ts_high[0]], 1e-300)).tolist()
             half = 0.5 * float(high[0, i] - low[0, i])
             low[0, i], high[0, i] = min(low[0, i], least - half), max(high[0, i], most + half)
     return low, high, degrees
 
 
-def widen(low: Array, high: Array) -> tuple[Array, Array]:
-    """Ends of a T_s or τ1 that rests on a τ2 that the records do not tell."""
-    middle, half = 0.5 * (low + high), 0.5 * WIDER * (high - low)
+def widen(low: Array, high: Array, factor: float = WIDER) -> tuple[Array, Array]:
+    """Ends so many times as far apart; `WIDER` of a T_s or τ1 that rests on a τ2 which the records do not tell."""
+    middle, half = 0.5 * (low + high), 0.5 * factor * (high - low)
     return middle - half, middle + half
 
 
-def white_ends(scatter: Scatter) -> tuple[Array, Array, Array]:
+def white_ends(own: OwnLevels) -> tuple[Array, Array, Array]:
     """The textbook's ends of each level by itself: θ ± t s on its logarithm, from s² A⁻¹."""
     ends = []
-    for level, J in zip(scatter.levels, scatter.jacobians, strict=True):
+    for level, J in zip(own.levels, own.scatter.jacobians, strict=True):
         noise, spare = textbook([level.mean - J[:, 0]], J.shape[1])
         reach = t_quantile(spare) * np.sqrt(np.maximum(np.diag(np.linalg.pinv(J.T @ J)) * noise, 0.0))[:3]
         ends.append((np.log1p(-np.minimum(reach, 1 - 1e-12)), np.log1p(reach), np.full(3, spare)))
     low, high, degrees = (np.array(part).T for part in zip(*ends, strict=True))
-    value = np.log(np.maximum(scatter.theta[:3], 1e-300))
-    return value + low, value + high, degrees
+    return own.logs + low, own.logs + high, degrees
 
 
-def friction_part(
-    stepset: StepSet,
-    values: LevelValues,
-    data: Data,
-    options: FitOptions,
-    own: OwnLevels | None = None,
-    held_out: Sequence[Level] = (),
-) -> tuple[Friction, list[Finding]]:
+def friction_part(task: FitTask, values: LevelValues, own: OwnLevels | None = None) -> tuple[Friction, list[Finding]]:
     """The friction model: rows of all levels, trends, and their warnings; `own` where each was fitted by itself."""
+    stepset, data, options = task.stepset, task.data, task.options
     over, x = trend_axis(stepset, data.u)
     findings, coefficient = _of_friction(stepset, over, x, values.theta[0])
     left = level_residuals(values.theta, data.records)
@@ -178,7 +172,7 @@ def friction_part(
     if values.open.any(axis=0).all():
         findings.append(finding("no-level-determines-all", "friction"))
     part = Friction(share, over, tuple(rows), trends, own.solver)
-    return msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, held_out)), findings
+    return msgspec.structs.replace(part, hold_out=friction_hold_out(part, stepset, task.held_out)), findings
 
 
 def _of_friction(stepset: StepSet, over: str, x: Array, Ts: Array) -> tuple[list[Finding], list[float | None]]:
@@ -268,9 +262,9 @@ def level_findings(values: LevelValues, seen: Scatter | None, subject: str, step
     return findings
 
 
-def curve_half_width(scatter: Scatter, i: int, most: int = 200) -> float:
+def curve_half_width(scatter: Scatter, i: int) -> float:
     """95 % half-width of one level's output curve within its record, in the output's unit."""
     J = scatter.jacobians[i]
-    J = J[np.unique(np.floor(np.geomspace(1, len(J), most))).astype(int) - 1]
+    J = J[np.unique(np.floor(np.geomspace(1, len(J), HALF_WIDTH_ROWS))).astype(int) - 1]
     variance, degrees = Influence(J.T[None], scatter.of_levels.alone(i), np.zeros((0, len(J))), 0.0).variance()
     return float((t_quantile(degrees) * np.sqrt(variance)).max())

@@ -3,7 +3,7 @@
     cost   Σ_l w_l Σ_t (T_l φ(t; τ1, τ2, C) − ȳ_l(t))²,   φ = 1 − C e^(−t/τ1) − (1 − C) e^(−t/τ2),  Eq. (3)
 
 θ_l = (T_s, τ1, τ2, C) of a level is linear in the unknowns of a model, θ_l = M_l x. Where T_s is none of them it is
-solved for (variable projection, Kaufman's curvature), by itself at each level or as a line through all.
+solved for at each level (variable projection, Kaufman's curvature).
 
 Levels first is the estimate that is believed: T_s of each level solved for, so that scatter of a level's gain does not
 reach τ1(u) and τ2(u), and w_l = 1/(T_l² + s_l²), s_l the rms residual, for runs scatter by a part of their output.
@@ -47,6 +47,11 @@ UNSEEN_PART = 1e-10  # Directions that the data do not see have this part of the
 SAME_WEIGHT = 1e-10  # Weights that change by less than this part of the largest have settled
 
 
+def torques(square: Array, along: Array) -> Array:
+    """T_s of levels from Σ w φ² and Σ w φ y of each."""
+    return np.maximum(along, 0.0) / np.maximum(square, 1e-300)
+
+
 @dataclass(frozen=True, eq=False)
 class StepProblem:
     """What a model costs on the mean curves of L levels."""
@@ -54,8 +59,6 @@ class StepProblem:
     data: Data
     model: Model
     weight: Array  # w of each level, (L,)
-    # T_s of the levels by coefficients that are solved for, (L, k); None: each level has its own
-    design: Array | None = None
     shares: Array | None = None  # C of each level, where they differ, (L,)
 
     @cached_property
@@ -68,33 +71,17 @@ class StepProblem:
         theta = self.model.theta(x, self.M)
         if self.shares is not None:
             theta[3] = self.shares
-        return level_normal(theta, self.data.points, self.torques if self.model.Ts is None else None)
-
-    def torques(self, square: Array, along: Array) -> Array:
-        """T_s of the levels from Σ w φ² and Σ w φ y of each."""
-        if self.design is None:
-            return np.maximum(along, 0.0) / np.maximum(square, 1e-300)
-        A = (self.design.T * (self.weight * square)) @ self.design
-        coefficients = np.linalg.solve(A + 1e-14 * np.trace(A) * np.eye(len(A)), self.design.T @ (self.weight * along))
-        return np.asarray(self.design @ coefficients)
+        return level_normal(theta, self.data.points, torques if self.model.Ts is None else None)
 
     def normal(self, x: Array) -> tuple[float, Array, Array]:
         """Cost, gradient (n,) and Gauss–Newton curvature (n, n)."""
         at = self.at(x)
         score, information = self.weight[:, None] * at.score, self.weight[:, None, None] * at.information
         M = self.M.transpose(1, 0, 2)
-        taken = 0.0
         if self.model.Ts is None:
-            if self.design is None:
-                score, information = self.reduced(at)
-            else:
-                to_design = (information[:, 1:, 0, None] * M[:, 1:]).sum(axis=1).T @ self.design
-                A = (self.design.T * information[:, 0, 0]) @ self.design
-                taken = to_design @ np.linalg.solve(A, to_design.T)
-                score, information = score[:, 1:], information[:, 1:, 1:]
-            M = M[:, 1:]
+            (score, information), M = self.reduced(at), M[:, 1:]
         flat = np.ascontiguousarray(M).reshape(-1, M.shape[2])
-        curvature = flat.T @ (information @ M).reshape(flat.shape) - taken
+        curvature = flat.T @ (information @ M).reshape(flat.shape)
         return float(self.weight @ at.cost), 2 * (score.ravel() @ flat), 2 * curvature
 
     def reduced(self, at: Normal) -> tuple[Array, Array]:
@@ -191,13 +178,15 @@ def textbook_covariance(data: Data, model: Model, x: Array) -> tuple[Array, floa
 
 
 def fit_linear(data: Data) -> Solution:
-    """Eq. (8) fitted to all levels at once: x is τ = 1/a0; with a single level c0 is 0."""
-    model = linear(data.u)
+    """Eq. (8) fitted to all levels at once: x are coefficients of the gain, then τ = 1/a0; c0 of a single one is 0."""
+    model, alike = linear(data.u), np.ones(len(data.u))
     assert model.Ts is not None
-    steps = StepProblem(data, replace(model, Ts=None), np.ones(len(data.u)), model.Ts.rows(data.u))
-    grid = np.geomspace(0.3 * data.shortest_s, 3 * data.longest_s, A0_GRID)[:, None]
-    costs = np.array([steps.normal(x)[0] for x in grid])
-    return minimise(steps, grid[lowest_places(costs)[:A0_STARTS]])
+    steps, each = StepProblem(data, model, alike), StepProblem(data, replace(model, Ts=None), alike)
+    grid = np.geomspace(0.3 * data.shortest_s, 3 * data.longest_s, A0_GRID)
+    gains = np.linalg.pinv(model.Ts.rows(data.u))
+    starts = [np.append(gains @ each.at(np.array([tau])).theta[0], tau) for tau in grid]
+    costs = np.array([steps.normal(x)[0] for x in starts])
+    return minimise(steps, [starts[k] for k in lowest_places(costs)[:A0_STARTS]])
 
 
 def fit_levels_first(

@@ -13,20 +13,17 @@ from eaid.arrays import Array, scaled_inverse
 from eaid.estimate import data as metrics
 from eaid.estimate.data import Data, missed
 from eaid.estimate.forms import Model
-from eaid.estimate.forms import linear as line
 from eaid.estimate.points import log_crossed
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.spread import Influence, LevelScatter, interval_of, log_interval_of
 from eaid.findings import Finding, finding
-from eaid.levels.from_steps import UNSEEN_PART, Solution, StepProblem, fit_linear, textbook_covariance
-from eaid.levels.huber import fit_with_loss, huber_findings
-from eaid.options import FitOptions
+from eaid.levels.from_steps import UNSEEN_PART, Solution, fit_linear, textbook_covariance
+from eaid.levels.task import FitTask, fit_with_loss
 from eaid.plant import linear
 from eaid.plant.forms import RESTING
 from eaid.plant.linear import LinearPlant as LinearModel
 from eaid.results.models import Bounds, BoundsIntervals, Linear, LinearLevel, LinearLevelIntervals, PooledIntervals
 from eaid.steps.levels import wanted_levels
-from eaid.steps.stepset import Level
 
 
 def to_line(form: Model) -> Array:
@@ -37,14 +34,6 @@ def to_line(form: Model) -> Array:
     low, high = form.Ts.rows(np.array([form.low, form.high]))
     slope = (high - low) / (form.high - form.low)
     return np.array([slope, low - slope * form.low])
-
-
-def unknowns(solved: Solution) -> tuple[Model, Array]:
-    """The model with its gain among the unknowns, and these: coefficients of the gain, then τ."""
-    form = line(solved.steps.data.u)
-    assert form.Ts is not None
-    coefficients = np.linalg.lstsq(form.Ts.rows(solved.steps.data.u), solved.at.theta[0], rcond=None)[0]
-    return form, np.append(coefficients, solved.x)
 
 
 def parameters(form: Model, x: Array) -> LinearModel:
@@ -63,16 +52,16 @@ def to_parameters(form: Model, x: Array) -> Array:
 
 
 def variances(
-    data: Data, form: Model, x: Array, turn: Array, own: Array, scatter: LevelScatter, white: bool
+    solved: Solution, turn: Array, own: Array, scatter: LevelScatter, white: bool
 ) -> tuple[list[float], list[float]]:
-    """Variances and degrees of freedom of numbers that go with the unknowns `x` of a fit by `turn`, (k, n).
+    """Variances and degrees of freedom of numbers that go with the unknowns of a fit by `turn`, (k, n).
 
     By how the unknowns answer to the levels' `own` T_s, τ1, τ2, C, (4, L), or those of the textbook.
     """
+    steps, x, data, form = solved.steps, solved.x, solved.steps.data, solved.steps.model
     if white:
         covariance, spare = textbook_covariance(data, form, x)
         return np.diag(turn @ covariance @ turn.T).tolist(), [spare] * len(turn)
-    steps = StepProblem(data, form, np.ones(len(data.u)))
     along = log_crossed(own, form.theta(x, steps.M), data.points, scatter.expected.shape[1] == 4)
     assert steps.problem.exact is not None
     gain = along @ steps.M.transpose(1, 0, 2) @ scaled_inverse(0.5 * steps.problem.exact(x), UNSEEN_PART)
@@ -84,7 +73,7 @@ def single_levels(data: Data, solved: Sequence[Solution]) -> tuple[LinearLevel, 
     """a0, gain, b0 and B of each level by itself, c0 = 0, specification 4.3."""
     rows = []
     for one, u, record in zip(solved, data.u.tolist(), data.records, strict=True):
-        a0, gain = 1 / float(one.x[0]), float(one.at.theta[0, 0])
+        a0, gain = 1 / float(one.x[-1]), float(one.at.theta[0, 0])
         total = metrics.errors([record.y], one.residuals(one.steps.data))
         b0 = a0 * gain / u if u else 0.0
         B = 1 / b0 if b0 > 0 else None
@@ -92,7 +81,7 @@ def single_levels(data: Data, solved: Sequence[Solution]) -> tuple[LinearLevel, 
     return tuple(rows)
 
 
-def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None = None) -> Bounds:
+def bounds_of(rows: Sequence[LinearLevel], wanted: Sequence[float] | None) -> Bounds:
     """Least and largest B over the kept levels: those that are wanted, else all whose output does not stay at rest."""
     out = find_levels_at_rest(rows) if wanted is None else []
     chosen = [row for row in rows if row.level not in out and (wanted is None or row.level in wanted)]
@@ -118,10 +107,10 @@ def bounds_findings(rows: Sequence[LinearLevel], bounds: Bounds) -> list[Finding
 
 def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter, white: bool) -> LinearLevelIntervals:
     """95 % intervals of a0, gain and B of level i."""
-    own, values, (form, x) = scatter.of_levels.alone(i), (row.a0, row.gain, row.B), unknowns(solved)
-    gain, tau = x  # their logarithms by these; B = u/(a0 gain)
+    own, values, (gain, tau) = scatter.of_levels.alone(i), (row.a0, row.gain, row.B), solved.x
+    # their logarithms by these; B = u/(a0 gain)
     turn = np.array([[0.0, -1 / tau], [1 / gain, 0.0], [-1 / gain, 1 / tau]]) if gain else np.full((3, 2), np.nan)
-    variance, degrees = variances(solved.steps.data, form, x, turn, scatter.theta[:, i : i + 1], own, white)
+    variance, degrees = variances(solved, turn, scatter.theta[:, i : i + 1], own, white)
     if not white:
         dof = dict(zip(("a0", "gain", "B"), degrees, strict=True))
         return LinearLevelIntervals(*map(log_interval_of, values, variance, degrees), dof=dof)
@@ -129,12 +118,11 @@ def level_intervals(row: LinearLevel, solved: Solution, i: int, scatter: Scatter
     return LinearLevelIntervals(*(None if v is None else interval_of(v, v * v * one, spare) for v, one, spare in rows))
 
 
-def linear_part(
-    data: Data, scatter: Scatter, options: FitOptions, held_out: Sequence[Level] = ()
-) -> tuple[Linear, list[Finding]]:
+def linear_part(task: FitTask, scatter: Scatter) -> tuple[Linear, list[Finding]]:
     """The linear model, pooled and per level, with the bounds of B, intervals, and warnings."""
-    solved, huber = fit_with_loss(data, options.loss, lambda d, _: fit_linear(d), Solution.residuals)
-    form, x = unknowns(solved)
+    data, options = task.data, task.options
+    solved, huber = fit_with_loss(task, "linear", lambda d, _: fit_linear(d))
+    form, x = solved.steps.model, solved.x
     p, left = parameters(form, x), solved.residuals(data)
     each = [fit_linear(data.only([i])) for i in range(len(data.u))]
     total = metrics.errors([record.y for record in data.records], left)
@@ -144,12 +132,10 @@ def linear_part(
     levels = None if wanted is None else wanted_levels(wanted, [row.level for row in rows], "bounds_levels")
     bounds = bounds_of(rows, levels)
     white = options.ci == "white"
-    variance, degrees = variances(
-        solved.steps.data, form, x, to_parameters(form, x), scatter.theta, scatter.of_levels, white
-    )
+    variance, degrees = variances(solved, to_parameters(form, x), scatter.theta, scatter.of_levels, white)
     ends = map(interval_of, (p.a0, p.b0, p.c0), variance, degrees)  # one level leaves c0 to b0
     pooled = PooledIntervals(*ends, dof=dict(zip(("a0", "b0", "c0"), degrees, strict=False)))
-    findings = [*linear_findings(data, one, rows, bounds, pooled), *huber_findings("linear", huber)]
+    findings = [*linear_findings(data, one, rows, bounds, pooled), *huber]
     findings += missed("linear", data, left, one)
     if options.ci != "none":
         rows = tuple(
@@ -163,7 +149,7 @@ def linear_part(
         bounds = msgspec.structs.replace(bounds, ci95=of_bounds)
         one = msgspec.structs.replace(one, ci95=pooled)
     beyond = metrics.hold_out(
-        held_out, lambda level: linear.linear_response(p, level.time_s, level.level), total.scores["rmse"]
+        task.held_out, lambda level: linear.linear_response(p, level.time_s, level.level), total.scores["rmse"]
     )
     part = msgspec.structs.replace(one, per_level=rows, bounds=bounds, hold_out=beyond)
     return part, findings

@@ -7,42 +7,43 @@ into the τ curves of the joint fit; its intervals count what separates it from 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
 import msgspec
 import numpy as np
 from scipy.special import fdtri
 
 from eaid.arrays import Array, median
-from eaid.estimate.coefficients import coefficients_of, map_unknowns, with_intervals
+from eaid.estimate.coefficients import map_unknowns, with_intervals
 from eaid.estimate.data import Data, Errors, each_level, errors, hold_out, missed
+from eaid.estimate.forms import Model
 from eaid.estimate.own_level import LAG_OFF, find_exchanged, find_levelled_off, levels_scatter
 from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import CURVES, held_parameters
-from eaid.estimate.spread import Influence, correct_score, gains_of, t_quantile
+from eaid.estimate.spread import Influence, gains_of, t_quantile
 from eaid.findings import Finding, Value, finding
 from eaid.levels.adequacy import decays
 from eaid.levels.bootstrap import drawn_ends, spread_of
-from eaid.levels.certainty import Estimate
+from eaid.levels.certainty import Estimate, single_scores
 from eaid.levels.each_level import own_levels
 from eaid.levels.friction import (
     HELD_BY,
     LevelValues,
     level_findings,
+    quote_each,
     quote_levels,
-    reach_over_slow_parts,
     tau2_open,
     widen,
 )
 from eaid.levels.from_steps import Solution, textbook_covariance
 from eaid.levels.slow_part import slow_part
+from eaid.levels.task import FitTask
 from eaid.levels.unseen import leave_levels_out
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant, Step
 from eaid.plant.respond import from_rest
 from eaid.results import models as results
 from eaid.results.common import HoldOut, LevelError, Solver
-from eaid.steps.stepset import Level, StepSet
+from eaid.steps.stepset import Level
 
 # Chance to be surpassed from which levels have a time constant each by itself, and from which their curve is less sure
 LAG_BEYOND, LAG_WIDER = 0.99, 0.95
@@ -89,78 +90,94 @@ class Standing:
     """The estimate that stands as the model: its part of the result, unknowns, constraints and intervals."""
 
     part: results.Nonlinear
+    levels: Sequence[Level]
     unknowns: Array  # Of the whole model, (n,)
     held: dict[str, tuple[float, ...]]  # Constraints that hold it, and where
-    covariance: Array  # Of the coefficients in powers of u/100
+    covariance: Array  # Of the unknowns, (n, n)
     ends: Ends
+
+    @property
+    def theta(self) -> Array:
+        """T_s, τ1, τ2, C of the model at the levels, (4, L)."""
+        return _curves(self.part.parameters, self.levels)
+
+    @property
+    def constrained(self) -> tuple[str, ...]:
+        """Parameters that a constraint holds somewhere."""
+        return tuple(dict.fromkeys(name for code in self.held for name in HELD_BY.get(code, ())))
+
+    @property
+    def held_at(self) -> list[tuple[str, ...]]:
+        """Parameters that a constraint holds at each level."""
+        rows = zip(self.theta.T.tolist(), self.levels, strict=True)
+        own = (held_parameters(Step(*row), float(one.time_s[-1]), self.part.C_free) for row, one in rows)
+        return [tuple(dict.fromkeys([*self.constrained, *held])) for held in own]
+
+    @property
+    def values(self) -> LevelValues:
+        """T_s, τ1, τ2 of the model at the levels."""
+        return quote_levels(self.levels, self.theta, self.held_at, self.ends)
 
 
 def nonlinear_part(
-    stepset: StepSet,
-    data: Data,
-    estimate: Estimate,
-    joint: Solution,
-    options: FitOptions,
-    held_out: Sequence[Level],
-    draws: Array | None,
+    task: FitTask, estimate: Estimate, joint: Solution, draws: Array | None
 ) -> tuple[results.Nonlinear, LevelValues, list[Finding]]:
     """The model, its values at the levels, findings; `draws` are its refits to resampled runs, (draws, n)."""
-    levels, model, solver = estimate.levels, estimate.model, estimate.solved.solver
-    free, through = model.free_share, options.through
-    p = estimate.plant(options)
-    part = of_steps(p, free, data, level_residuals(_curves(p, levels), data.records), solver, held_out)
-    papers = of_steps(joint.parameters, free, data, joint.residuals(data), joint.solver, held_out)
-    misfit, bent, wider = misfits(estimate, through)
-    lags = [name for name in bent if name != "Ts"]
+    data, options, held_out = task.data, task.options, task.held_out
+    levels, model, p = estimate.levels, estimate.model, estimate.plant(options)
+    papers_stand, turn = options.estimator == "joint", map_unknowns(model)
+    left = level_residuals(_curves(p, levels), data.records)
+    part = of_steps(p, model.free_share, data, left, estimate.solved.solver, held_out)
+    papers = of_steps(joint.parameters, model.free_share, data, joint.residuals(data), joint.solver, held_out)
+    misfit, bent, wider = misfits(estimate, options.through)
     part = msgspec.structs.replace(part, misfit=misfit or None)
-    turn, u = map_unknowns(model), data.u
-    covariance = turn @ estimate.influence.covariance() @ turn.T
-    one = Standing(part, estimate.coefficients, estimate.held, covariance, estimate.intervals(u))
-    one = count_misfits(one, free, {name: misfit[name] for name in wider})
-    parts = joint_findings(papers, one, levels, options.estimator)
-    if options.estimator == "joint":
-        one, solver = take_joint(papers, joint, estimate), joint.solver
-    if draws is not None:
-        one = take_draws(one, estimate, u, draws)
+    covariance, ends = estimate.influence.covariance(), estimate.intervals(data.u)
+    one = Standing(part, levels, estimate.coefficients, estimate.held, covariance, ends)
+    one = count_misfits(one, model, {name: misfit[name] for name in wider})
+    parts = joint_findings(papers, one, "joint-fit-asked-for-parts" if papers_stand else "joint-fit-parts")
+    if papers_stand:
+        one = take_joint(papers, joint, estimate)
     if options.ci == "white":
         one = by_textbook(one, estimate)
-    values = values_at_levels(one, levels, free)
-    own, scattered, told = values, list[Finding](), bent_findings(bent)
-    if options.estimator != "joint":
-        own, scattered = own_values(one, estimate, free, options), level_scatter_findings(estimate, part)
-        if lags and options.ci in ("robust", "none"):
-            own = by_themselves(data, estimate)
+    covariance = turn @ one.covariance @ turn.T
+    if draws is not None:
+        one, covariance = take_draws(one, estimate, draws), covariance_of_draws(draws @ turn.T)
+    values = own = one.values
+    seen = scatter = unseen = None
+    told, more = bent_findings(bent), parts
+    if not papers_stand:
+        own, seen, scatter = own_values(one, estimate, options), estimate.scatter, estimate.level_scatter
+        unseen, worse = leave_levels_out(estimate, options)
+        more = [*level_scatter_findings(estimate, part), *worse, *parts]
+        if (lags := [name for name in bent if name != "Ts"]) and options.ci in ("robust", "none"):
+            own = quote_each(own_levels(levels, data, model.share))  # no quadratic follows their time constants
             told = bent_findings(bent, lags, own, values)
-    values, shown = own if through else values, one.part
+    values, shown, solver = own if options.through else values, one.part, one.part.solver
     if options.ci != "none":
         curves = [
             results.CurveLevel(level.level, Ts, tau1, tau2, values.ci95(i))
             for i, (level, (Ts, tau1, tau2)) in enumerate(zip(levels, values.theta[:3].T.tolist(), strict=True))
         ]
         by_name = dict(zip(CURVES, one.ends[2], strict=True))
-        shown = with_intervals(one.part, curves, one.covariance, by_name, _held(one))
-    if not solver.converged:
+        shown = with_intervals(one.part, curves, covariance, by_name, one.constrained)
+    if solver is not None and not solver.converged:
         told.append(finding("fit-not-converged", "nonlinear", predicted_decrease=solver.predicted_decrease))
     for code, at in one.held.items():
         told.append(finding("constraint-holds", "nonlinear", sorted({*at[:1], *at[-1:]}), constraint=code))
     low, high = one.part.u_range
     if outside := [level.level for level in held_out if not low <= level.level <= high]:
         told.append(finding("held-out-beyond-the-levels", "nonlinear", outside))
-    told += missed("nonlinear", data, level_residuals(_curves(one.part.parameters, levels), data.records), one.part)
-    seen = estimate.scatter if options.estimator != "joint" else None
-    told += [*level_findings(own, seen, "nonlinear", stepset), *open_findings(one.part, own), *scattered]
-    estimator: Literal["joint", "levels-first"] = "joint" if options.estimator == "joint" else "levels-first"
-    scatter = estimate.level_scatter if options.estimator != "joint" else None
-    unseen, worse = leave_levels_out(estimate, options) if options.estimator != "joint" else (None, [])
-    told += worse
+    told += missed("nonlinear", data, level_residuals(one.theta, data.records), one.part)
+    told += [*level_findings(own, seen, "nonlinear", task.stepset), *open_findings(one.part, own), *more]
+    estimator = "joint" if papers_stand else "levels-first"
     shown = msgspec.structs.replace(shown, estimator=estimator, joint=papers, level_scatter=scatter, left_out=unseen)
-    return shown, own, [*told, *parts]
+    return shown, own, told
 
 
-def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOptions) -> LevelValues:
+def own_values(one: Standing, estimate: Estimate, options: FitOptions) -> LevelValues:
     """T_s, τ1, τ2 of the levels, T_s each level's own about the curve."""
-    theta, (low, high, degrees) = _curves(one.part.parameters, estimate.levels), (part.copy() for part in one.ends)
-    held, (value, half, known) = _all_held(one, theta, estimate.levels, free), estimate.own_Ts
+    theta, (low, high, degrees) = one.theta, (part.copy() for part in one.ends)
+    held, (value, half, known) = one.held_at, estimate.own_Ts
     curve = np.log(np.maximum(theta[0], 1e-300))
     theta[0] = np.where(np.abs(value - curve) < SAME_VALUE, theta[0], np.exp(value))
     if options.ci in ("white", "bootstrap", "none"):  # their widths are those of the curve
@@ -169,7 +186,7 @@ def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOption
     slow, holding, unseen = estimate.slow, bool(HOLDING & {*one.held}), estimate.leaves_slow_part(high[2])
     if unseen or (holding and (estimate.scatter.repeats == 1).all()):  # what noise makes of a run no other run shows
         slow = slow_part(estimate.levels, estimate.solved.steps, estimate.solved.x, tested=False)
-    if free or not (slow.endless or tau2_open(estimate.levels, theta, (low, high)) or holding or unseen):
+    if one.part.C_free or not (slow.endless or tau2_open(one.levels, theta[2], low[2], high[2]) or holding or unseen):
         if estimate.level_scatter > 0:
             beyond = np.maximum(0.5 * (high[0] - low[0]) - estimate.curve_half_width(), 0.0)
             low[0], high[0], degrees[0] = value - half - beyond, value + half + beyond, known
@@ -183,22 +200,13 @@ def own_values(one: Standing, estimate: Estimate, free: bool, options: FitOption
     return LevelValues(estimate.levels, theta, held, low, high, degrees)
 
 
-def by_themselves(data: Data, estimate: Estimate) -> LevelValues:
-    """T_s, τ1, τ2 of the levels, each by itself, for no quadratic follows their time constants."""
-    each = own_levels(estimate.levels, data, estimate.model.share)
-    ends = reach_over_slow_parts(each, each.intervals)
-    return quote_levels(estimate.levels, each.scatter.theta, each.scatter.held, ends)
-
-
-def count_misfits(one: Standing, free: bool, misfit: Mapping[str, float]) -> Standing:
+def count_misfits(one: Standing, model: Model, misfit: Mapping[str, float]) -> Standing:
     """The same, time constants whose curve misses its levels as much less sure as these lie off beyond chance."""
-    c, scale = coefficients_of(one.part.parameters, free), np.ones(len(one.covariance))
-    low, high, degrees = (part.copy() for part in one.ends)
+    scale, (low, high, degrees) = np.ones(model.size), (part.copy() for part in one.ends)
     for name, ratio in misfit.items():
         k, factor = CURVES.index(name), float(np.sqrt(ratio))
-        scale[c.block(name)] = factor
-        middle, half = 0.5 * (low[k] + high[k]), 0.5 * (high[k] - low[k])
-        low[k], high[k] = middle - factor * half, middle + factor * half
+        scale[model.slices[k]] = factor
+        low[k], high[k] = widen(low[k], high[k], factor)
     return replace(one, covariance=one.covariance * np.outer(scale, scale), ends=(low, high, degrees))
 
 
@@ -249,33 +257,14 @@ def find_flat_levels(estimate: Estimate, through: bool = False) -> list[Finding]
     return find_levelled_off(u, np.log(np.maximum(Ts, 1e-300)), curve, spread, how="levels" * through)
 
 
-def values_at_levels(one: Standing, levels: Sequence[Level], share_free: bool) -> LevelValues:
-    """T_s, τ1, τ2 of the model at the levels."""
-    theta = _curves(one.part.parameters, levels)
-    return quote_levels(levels, theta, _all_held(one, theta, levels, share_free), one.ends)
-
-
-def _all_held(one: Standing, theta: Array, levels: Sequence[Level], share_free: bool) -> list[tuple[str, ...]]:
-    """Parameters that a constraint holds at each level."""
-    return [
-        tuple(dict.fromkeys([*_held(one), *held_parameters(Step(*row), float(level.time_s[-1]), share_free)]))
-        for row, level in zip(theta.T.tolist(), levels, strict=True)
-    ]
-
-
-def _held(one: Standing) -> tuple[str, ...]:
-    """Parameters that a constraint holds somewhere."""
-    return tuple(dict.fromkeys(name for code in one.held for name in HELD_BY.get(code, ())))
-
-
 def by_textbook(one: Standing, estimate: Estimate) -> Standing:
     """The textbook: covariance s² (J'J)⁻¹ with N − P degrees of freedom."""
-    data, turn = estimate.solved.steps.data, map_unknowns(estimate.model)
+    data = estimate.solved.steps.data
     covariance, spare = textbook_covariance(data, estimate.model, one.unknowns)
     value, D = estimate.numbers(data.u, one.unknowns)
     reach = t_quantile(spare) * np.sqrt(np.maximum(np.einsum("klp,pq,klq->kl", D, covariance, D), 0.0))
     ends = value - reach, value + reach, np.full(reach.shape, spare)
-    return replace(one, covariance=turn @ covariance @ turn.T, ends=ends)
+    return replace(one, covariance=covariance, ends=ends)
 
 
 def _curves(p: Plant, levels: Sequence[Level]) -> Array:
@@ -289,34 +278,34 @@ def take_joint(part: results.Nonlinear, joint: Solution, estimate: Estimate) -> 
     at, x, model = joint.at, joint.x, estimate.model
     take = joint.steps.M.transpose(1, 0, 2)
     gain, back = gains_of(at.information, estimate.along(at.theta), take, joint.steps.limits.A[list(joint.active)])
-    alone = [np.zeros((0, model.size))]
+    alone = np.zeros((0, model.size))
     if (estimate.scatter.repeats == 1).all():
-        gain = 0 * gain
-        for i in range(len(estimate.levels)):
-            own = take[i].T @ at.information[i] @ take[i]
-            alone.append(correct_score(own, back, -take[i].T @ at.score[i])[None])
-    influence = Influence(gain, estimate.scatter.of_levels, np.concatenate(alone) @ back, estimate.single_degrees)
+        gain, alone = 0 * gain, single_scores(take, at.information, at.score, back)
+    influence = Influence(gain, estimate.scatter.of_levels, alone @ back, estimate.single_degrees)
     u = joint.steps.data.u
     value, slopes = estimate.numbers(u, x)
     other = estimate.numbers(u, estimate.coefficients)[0]
     variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, model.size)).variance())
     reach = t_quantile(degrees) * np.hypot(np.sqrt(variance), value - other)
-    turn = map_unknowns(model)
-    apart = turn @ (x - estimate.coefficients)
-    covariance = turn @ influence.covariance() @ turn.T + np.outer(apart, apart)
-    return Standing(part, x, joint.held, covariance, (value - reach, value + reach, degrees))
+    apart = x - estimate.coefficients
+    covariance = influence.covariance() + np.outer(apart, apart)
+    return Standing(part, estimate.levels, x, joint.held, covariance, (value - reach, value + reach, degrees))
 
 
-def take_draws(one: Standing, estimate: Estimate, u: Array, draws: Array) -> Standing:
-    """The same with intervals from refits to resampled runs; those that run away (a lost τ2) count by rank."""
+def take_draws(one: Standing, estimate: Estimate, draws: Array) -> Standing:
+    """The same with intervals from refits to resampled runs."""
+    u = estimate.solved.steps.data.u
     near = np.array([estimate.numbers(u, x)[0] for x in draws])
-    c = draws @ map_unknowns(estimate.model).T
+    return replace(one, ends=drawn_ends(estimate.numbers(u, one.unknowns)[0], near, one.ends[2]))
+
+
+def covariance_of_draws(c: Array) -> Array:
+    """Covariance of the coefficients of refits, (draws, P); those that run away (a lost τ2) count by rank."""
     size, middle = spread_of(c), np.median(c, axis=0)
     tame = np.clip(c, middle - 3 * size, middle + 3 * size)
     sd = tame.std(axis=0)
     factor = size / np.where(sd > 0, sd, 1.0)
-    covariance = np.cov(tame, rowvar=False) * np.outer(factor, factor)
-    return replace(one, covariance=covariance, ends=drawn_ends(estimate.numbers(u, one.unknowns)[0], near, one.ends[2]))
+    return np.asarray(np.cov(tame, rowvar=False) * np.outer(factor, factor))
 
 
 def misfits(estimate: Estimate, through: bool) -> tuple[dict[str, float], list[str], list[str]]:
@@ -364,23 +353,20 @@ def open_findings(part: results.Nonlinear, values: LevelValues) -> list[Finding]
     return found
 
 
-def joint_findings(joint: results.Nonlinear, one: Standing, levels: Sequence[Level], estimator: str) -> list[Finding]:
+def joint_findings(joint: results.Nonlinear, one: Standing, code: str) -> list[Finding]:
     """Where the joint fit's curves leave the intervals of the estimate that is believed: the one that does so most."""
-    believed, u, apart = values_at_levels(one, levels, False), [level.level for level in levels], []
-    for k, (name, a, b) in enumerate(zip(CURVES, _curves(joint.parameters, levels), believed.theta, strict=False)):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            out = ~((np.log(a) >= believed.low[k]) & (np.log(a) <= believed.high[k]))
-        ratio = np.abs(np.log(np.maximum(a, 1e-300) / np.maximum(b, 1e-300)))
-        out &= ~(ratio <= NO_PART)  # of records without noise, whose intervals are points
-        ratio = np.where(out, ratio, -1.0)
-        if out.any():
-            i = int(ratio.argmax())
-            low, high = np.exp([believed.low[k, i], believed.high[k, i]]).tolist()
-            ends = (low, high) if low > 0 and np.isfinite(high) else (None, None)
-            apart.append((ratio[i], out, (name, u[i], float(a[i]), float(b[i]), *ends)))
-    if not apart:
+    believed, a, b = one.values, _curves(joint.parameters, one.levels)[:3], one.theta[:3]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        out = ~((np.log(a) >= believed.low) & (np.log(a) <= believed.high))
+    ratio = np.abs(np.log(np.maximum(a, 1e-300) / np.maximum(b, 1e-300)))
+    out &= ~(ratio <= NO_PART)  # of records without noise, whose intervals are points
+    if not out.any():
         return []
-    _, out, values = max(apart, key=lambda row: row[0])
-    code = "joint-fit-asked-for-parts" if estimator == "joint" else "joint-fit-parts"
-    named = dict(zip(("parameter", "worst", "joint", "other", "low", "high"), values, strict=True))
-    return [finding(code, "nonlinear", [at for at, off in zip(u, out, strict=True) if off], **named)]
+    k, i = np.unravel_index(np.where(out, ratio, -1.0).argmax(), out.shape)
+    levels = [level.level for level in one.levels]
+    low, high = np.exp([believed.low[k, i], believed.high[k, i]]).tolist()
+    low, high = (low, high) if low > 0 and np.isfinite(high) else (None, None)
+    worst: dict[str, Value] = {"parameter": CURVES[k], "worst": levels[i], "low": low, "high": high}
+    worst |= {"joint": float(a[k, i]), "other": float(b[k, i])}
+    at = [level for level, off in zip(levels, out[k], strict=True) if off]
+    return [finding(code, "nonlinear", at, **worst)]

@@ -5,20 +5,20 @@ share s is what they had reached when the input left: with the rising curve and 
 s = C (1 − e^(−H/τ1↑)) / (C (1 − e^(−H/τ1↑)) + (1 − C)(1 − e^(−H/τ2↑))); C itself where the rise is not known.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array
+from eaid.arrays import Array, best_gain
 from eaid.estimate.data import Data, data_of
 from eaid.estimate.forms import nonlinear
 from eaid.estimate.solver import bring_in
 from eaid.estimate.starts import form_starts
 from eaid.findings import Finding, finding
 from eaid.levels.from_steps import Solution, StepProblem, minimise
-from eaid.plant.dynamics import SHARE, Plant, Step
+from eaid.plant.dynamics import Plant, Step
 from eaid.plant.steps import rise, step_response
 from eaid.results.models import Release
 from eaid.steps.stepset import Level, StepSet
@@ -41,7 +41,7 @@ def sizes(falls: Sequence[Step], data: Data) -> Array:
     for fall, record in zip(falls, data.records, strict=True):
         shape = 1 - step_response(fall, record.t_s)
         off = shape - shape.mean()
-        amplitude = max(float(off @ record.y) / max(float(off @ off), 1e-300), 0.0)
+        amplitude = max(best_gain(off, record.y), 0.0)
         residual = float(record.y.mean()) - amplitude * float(shape.mean())
         left = amplitude * shape + residual - record.y
         parts.append((amplitude, residual, left @ left))
@@ -49,22 +49,23 @@ def sizes(falls: Sequence[Step], data: Data) -> Array:
 
 
 def release_fit(
-    releases: Sequence[Level], rises: Mapping[float, Step], held_s: Mapping[float, float], share: float = SHARE
+    releases: Sequence[Level], levels: Sequence[Level], curves: Sequence[Step], share: float
 ) -> tuple[Release, list[Finding]]:
-    """The release constants; `rises` are the rising curves by level, `held_s` how long each was held before [s]."""
+    """The release constants; `curves` are those on which the levels have risen."""
     data, shares = data_of(releases), np.full(len(releases), share)
-    for i, u in enumerate(data.u.tolist()):
-        if u in rises and u in held_s and rises[u].Ts > 0:
-            rose = rises[u]
-            fast, slow = rise(np.array(held_s[u]), np.array([rose.tau1, rose.tau2])) * [rose.C, 1 - rose.C]
+    rises = {level.level: (curve, level.time_s[-1]) for level, curve in zip(levels, curves, strict=True)}
+    known = [rises.get(u) for u in data.u.tolist()]
+    for i, rose in enumerate(known):
+        if rose is not None and rose[0].Ts > 0:
+            curve, held_s = rose
+            fast, slow = rise(held_s, np.array([curve.tau1, curve.tau2])) * [curve.C, 1 - curve.C]
             shares[i] = fast / (fast + slow)
     pooled = fit_falls(replace(data, compressed=data.points.of_falls), shares)
     tau1, tau2 = pooled.x.tolist()
     parts = sizes([Step(1.0, tau1, tau2, one) for one in shares.tolist()], data)
     total = float(parts[:, 2].sum())
     rmse = float(np.sqrt(total / sum(len(record.y) for record in data.records)))
-    known = [rises.get(u) for u in data.u.tolist()]
-    own = [replace(one, Ts=1.0, C=C) for one, C in zip(known, shares.tolist(), strict=True) if one is not None]
+    own = [replace(rose[0], Ts=1.0, C=C) for rose, C in zip(known, shares.tolist(), strict=True) if rose is not None]
     as_left = len(own) == len(shares) > 1 and float(sizes(own, data)[:, 2].sum()) < (1 - LEFT_SAVES) * total
     part = Release(tau1, tau2, share, rmse, total, solver=pooled.solver, as_left=as_left)
     return part, [*_release_findings(data, pooled, parts), *[finding("release-as-left", "release")] * as_left]
@@ -75,9 +76,8 @@ def release_of(plant: Plant, stepset: StepSet) -> Release | None:
     was recorded, or the states do not fall each by itself."""
     if plant.zeta is not None or not stepset.releases:
         return None
-    rises = {level.level: plant.at(level.level) for level in stepset.levels}
-    held_s = {level.level: float(level.time_s[-1]) for level in stepset.levels}
-    found = release_fit(stepset.releases, rises, held_s, plant.C)[0]
+    curves = [plant.at(level.level) for level in stepset.levels]
+    found = release_fit(stepset.releases, stepset.levels, curves, plant.C)[0]
     return found if plant.C != 1 else msgspec.structs.replace(found, tau2=found.tau1)
 
 

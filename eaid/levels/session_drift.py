@@ -18,6 +18,7 @@ from eaid.arrays import median
 from eaid.estimate.own_level import gain_shifts
 from eaid.estimate.scatter import Scatter
 from eaid.findings import Finding, finding
+from eaid.steps.noise import fit_line
 from eaid.steps.stepset import RunRecord
 
 RUN_DRIFT_CHANCE = 5e-3  # That runs which scatter alone look like a drift
@@ -37,11 +38,10 @@ def session_drift(scatter: Scatter, runs: Sequence[RunRecord]) -> list[Finding]:
         return []
     t = np.concatenate([each - each.mean() for each in instants])
     d = np.concatenate([gain_shifts(one, J[:, 0]) for one, J in zip(scatter.levels, scatter.jacobians, strict=True)])
-    spare, size = len(t) - len(instants) - 1, float(t @ t)
-    if spare < 1 or not size > 0:
+    spare = len(t) - len(instants) - 1
+    if spare < 1 or not t.any():
         return []
-    b = float(t @ d) / size
-    error = float(np.sqrt((d - b * t) @ (d - b * t) / spare / size))
+    b, error, _ = fit_line(t, d, taken=len(instants) + 1)  # both are about the mean of their level
     pct = 100 * float(np.expm1(b * (order[-1] - order[0])))
     chance = 2 * float(stdtr(spare, -abs(b) / max(error, 1e-300)))
     if chance > RUN_DRIFT_CHANCE or abs(pct) < LEAST_DRIFT_PCT:

@@ -41,17 +41,8 @@ class At(NamedTuple):
     """A step of a log, and where the plant is when it comes."""
 
     step: LevelStep
-    states: tuple[float, float]
-    means: Array  # Of the states over the rest that a step from rest is counted from, (2,)
+    tail: Array
     idle: float  # The log's output at rest, from which its first step is counted
-
-
-@dataclass(frozen=True, eq=False)
-class Tail:
-    """What the steps before have left of each state."""
-
-    states: Array  # At the step, (2,)
-    means: Array  # Over the rest that the step is counted from, (2,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +53,14 @@ class Falls:
     moved: tuple[Release, ...] = ()
 
 
-NO_TAIL = Tail(np.zeros(2), np.zeros(2))
-Tails: TypeAlias = dict[tuple[float, str], Tail]  # By the level of a step from rest, and the name of its run
+# What the steps before have left of each state at a step from rest, and in the mean over the rest that it is counted
+# from, (2, 2), by its level and the name of its run
+Tails: TypeAlias = dict[tuple[float, str], Array]
+
+
+def tails_of(tails: Tails, level: Level) -> Array:
+    """Those of a level's runs, (R, 2, 2); 0 where a run has none."""
+    return np.array([tails.get((level.level, name), np.zeros((2, 2))) for name in level.names])
 
 
 def follow_logs(plant: Plant, stepset: StepSet) -> Iterator[At]:
@@ -78,7 +75,7 @@ def follow_logs(plant: Plant, stepset: StepSet) -> Iterator[At]:
             part = [mean_before(step.rest_s or 0.0, tau) for tau in plant_pull(acting, *x, 0.0)[2:]]
             # a rest that still moved is not taken, but that of a step before
             means = rests.setdefault(step.start, np.array(x) * part) if step.from_level == 0 else np.zeros(2)
-            yield At(step, x, means, next(iter(rests), step.start))
+            yield At(step, np.array([x, means]), next(iter(rests), step.start))
             u, left, since_s = step.level, step.from_level, step.at_s
 
 
@@ -94,9 +91,7 @@ def begin_off_rest(stepset: StepSet) -> bool:
 def find_tails(plant: Plant, stepset: StepSet) -> Tails:
     """The tails of the steps from rest."""
     every = follow_logs(plant, stepset)
-    return {
-        (at.step.level, at.step.name): Tail(np.array(at.states), at.means) for at in every if at.step.from_level == 0
-    }
+    return {(at.step.level, at.step.name): at.tail for at in every if at.step.from_level == 0}
 
 
 def take_off_tails(stepset: StepSet, plant: Plant, tails: Tails) -> StepSet:
@@ -105,9 +100,8 @@ def take_off_tails(stepset: StepSet, plant: Plant, tails: Tails) -> StepSet:
     numbers, fallen = plant_numbers(plant), _tails_of_falls(stepset, plant, tails)
 
     def taken(level: Level, of: Tails, left: Array) -> Level:
-        of_runs = [of.get((level.level, name), NO_TAIL) for name in level.names]
-        rows = [run - one.states @ left + one.means.sum() for run, one in zip(level.runs, of_runs, strict=True)]
-        return replace(level, runs=np.array(rows))
+        pairs = zip(level.runs, tails_of(of, level), strict=True)
+        return replace(level, runs=np.array([run - states @ left + means.sum() for run, (states, means) in pairs]))
 
     levels = tuple(taken(one, tails, left_of_start(numbers, one.level, one.time_s)) for one in stepset.levels)
     releases = tuple(
@@ -120,25 +114,24 @@ def take_off_tails(stepset: StepSet, plant: Plant, tails: Tails) -> StepSet:
 
 def _tails_of_falls(stepset: StepSet, plant: Plant, tails: Tails) -> Tails:
     """What tails of steps have become when their holds end, by the level that was held and the name of the fall."""
-    numbers, found = plant_numbers(plant), dict[tuple[float, str], Tail]()
+    numbers, found = plant_numbers(plant), Tails()
     order = sorted(stepset.level_steps, key=lambda one: (one.source, one.at_s))
     for rise, fall in itertools.pairwise(order):
         tail = tails.get((rise.level, rise.name))
         if tail is not None and fall.source == rise.source and fall.level == 0:
             left = left_of_start(numbers, rise.level, np.array([fall.at_s - rise.at_s]))[:, 0]
-            found[rise.level, fall.name] = replace(tail, states=tail.states * left)
+            found[rise.level, fall.name] = tail * [left, [1.0, 1.0]]
     return found
 
 
 def data_on_tails(levels: Sequence[Level], tails: Tails, moved: Sequence[Tails] = ()) -> Data:
     """The mean curves of levels as they were recorded, above the output at rest, with the states they begin from, and
     those that errors of these make."""
-    offsets = [np.array([[tails.get((one.level, name), NO_TAIL).means.sum()] for name in one.names]) for one in levels]
+    offsets = [tails_of(tails, one)[:, 1].sum(axis=1, keepdims=True) for one in levels]
     data = data_of([replace(one, runs=one.runs + off) for one, off in zip(levels, offsets, strict=True)])
 
     def begins(of: Tails) -> Array:
-        runs = ([of.get((one.level, name), NO_TAIL).states for name in one.names] for one in levels)
-        return np.array([np.mean(each, axis=0) for each in runs]).T
+        return np.array([tails_of(of, one)[:, 0].mean(axis=0) for one in levels]).T
 
     states, off = begins(tails), np.array([begins(one) for one in moved]).reshape(-1, 2, len(levels))
     return replace(data, compressed=replace(data.points, states=states, off=off - states if len(moved) else None))
@@ -156,16 +149,15 @@ def largest_part(stepset: StepSet, tails: Tails, supposed: Tails | None = None) 
     parts = [(0.0, 0.0)]
     for level in stepset.levels:
         size = max(float(np.abs(level.mean).max()), 1e-300)
-        for key in ((level.level, name) for name in level.names):
-            moved = tails.get(key, NO_TAIL).states - (supposed or {}).get(key, NO_TAIL).states
-            parts.append((float(np.abs(moved).sum()) / size, level.level))
+        moved = tails_of(tails, level)[:, 0] - tails_of(supposed or {}, level)[:, 0]
+        parts.append((float(np.abs(moved).sum(axis=1).max()) / size, level.level))
     return max(parts)
 
 
 def are_sound(stepset: StepSet, tails: Tails) -> bool:
     """Whether tails are finite, and below the highest output, of which a low level may begin on a good part."""
     highest = max(float(np.abs(level.mean).max()) for level in stepset.levels)
-    return all(bool(np.abs([one.states, one.means]).sum(axis=1).max() < highest) for one in tails.values())
+    return all(bool(np.abs(one).sum(axis=1).max() < highest) for one in tails.values())
 
 
 def settle_tails(
@@ -193,16 +185,13 @@ def settle_tails(
 def _go_on(rounds: Sequence[tuple[Tails, Tails]]) -> Tails:
     """Tails to suppose next by those that were, and those that were found with them: by the secant through two rounds
     (Anderson), for they may go to and fro about what they settle to."""
-    now, keys = rounds[-1][1], list(rounds[-1][1])
+    now = rounds[-1][1]
     if len(rounds) < 2:
         return now
-    (x0, g0), (x, g) = (
-        [np.array([[tails[key].states, tails[key].means] for key in keys]) for tails in one] for one in rounds
-    )
+    (x0, g0), (x, g) = ([np.array([tails[key] for key in now]) for tails in one] for one in rounds)
     left, change = g - x, (g - x) - (g0 - x0)
     back = float(np.vdot(left, change)) / max(float(np.vdot(change, change)), 1e-300)
-    states, means = (g - np.clip(back, *FARTHEST_BACK) * (g - g0)).transpose(1, 0, 2)
-    return {key: Tail(one, mean) for key, one, mean in zip(keys, states, means, strict=True)}
+    return dict(zip(now, g - np.clip(back, *FARTHEST_BACK) * (g - g0), strict=True))
 
 
 def release_behind_tails(plant: Plant, stepset: StepSet, release: Release | None) -> Falls:
@@ -222,7 +211,7 @@ def release_behind_tails(plant: Plant, stepset: StepSet, release: Release | None
         for one, at in zip(falls, rows, strict=True):
             y = one.step.output[at] - one.idle
             acting = at_rest(numbers, one.step.from_level)
-            f = np.array(one.states) @ left_of_start(acting, 0.0, one.step.time_s[at], (True, True))
+            f = one.tail[0] @ left_of_start(acting, 0.0, one.step.time_s[at], (True, True))
             found.append((y - best_gain(f, y) * f) / float(np.abs(y).max()))
         return np.concatenate(found)
 

@@ -62,10 +62,9 @@ def leave_levels_out(estimate: Estimate, options: FitOptions) -> tuple[LevelsLef
         worst=levels[of[worst]].level,
         worst_off_pct=100 * off[worst],
     )
-    if judge_unseen(of_shape, shape_missed, "levels") or not _missed_by_chance(estimate, of, np.array(off)):
-        # a curve through the levels fits each of them by itself: that it falls between them is no fault
-        return found, judge_unseen(missed if options.through else seen, missed, "levels")
-    return found, []
+    by_chance = not judge_unseen(of_shape, shape_missed, "levels") and _missed_by_chance(estimate, of, np.array(off))
+    # a curve through the levels fits each of them by itself: that it falls between them is no fault
+    return found, [] if by_chance else judge_unseen(missed if options.through else seen, missed, "levels")
 
 
 def _missed_by_chance(estimate: Estimate, of: list[int], off: Array) -> bool:

@@ -5,34 +5,31 @@ The one entry that the command line and a notebook share.
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from typing import Any
 
 import msgspec
 import numpy as np
-from scipy.special import stdtrit
 from threadpoolctl import threadpool_limits
 
-from eaid.arrays import Array, median
+from eaid.arrays import median
 from eaid.declared import forms
 from eaid.errors import DataError, UsageError
-from eaid.estimate.data import Data, data_of, explains_little
-from eaid.estimate.points import level_residuals
-from eaid.estimate.scatter import CURVES, Scatter, common_shifts, noise_of
+from eaid.estimate.data import Data, data_of
+from eaid.estimate.scatter import Scatter, noise_of
 from eaid.findings import Finding, finding, merged, ranked
-from eaid.levels.adequacy import adequacy, share_of
+from eaid.levels.adequacy import adequacy, no_steps, scatter_findings, share_of
 from eaid.levels.bootstrap import bootstrap, drawn_ends
 from eaid.levels.certainty import Estimate, estimate_levels_first
 from eaid.levels.creep import find_share_and_creep
 from eaid.levels.drive_limit import flat_levels, limit_at, limit_explains_as_well
 from eaid.levels.each_level import OwnLevels, own_levels
-from eaid.levels.friction import friction_part, quote_levels, reach_over_slow_parts, white_ends
-from eaid.levels.from_steps import Solution, fit_levels_first, fit_nonlinear, refit_nonlinear
-from eaid.levels.huber import fit_with_loss, huber_findings
+from eaid.levels.friction import friction_part, quote_each, white_ends
+from eaid.levels.from_steps import fit_levels_first, fit_nonlinear, refit_nonlinear
 from eaid.levels.jitter import Starts, find_starts_apart, lay_in_step
 from eaid.levels.linear import linear_part
 from eaid.levels.nonlinear import find_flat_levels, nonlinear_part
 from eaid.levels.release import release_fit
-from eaid.levels.session_drift import session_drift
 from eaid.levels.tails import (
     TAIL_MATTERS,
     Tails,
@@ -43,9 +40,9 @@ from eaid.levels.tails import (
     settle_tails,
     take_off_tails,
 )
+from eaid.levels.task import FitTask, fit_with_loss
 from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE, Plant
-from eaid.plant.forms import RESTING
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FitGiven
 from eaid.results.models import CreepFound, FittedData, Friction, LackOfFit, Release, Uncertainty
@@ -53,18 +50,13 @@ from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged
 from eaid.shapes.delay import Begin, cut_behind, dead_time_of
 from eaid.shapes.each_step import between_rows, fit_another_shape, fit_single_steps
-from eaid.steps.noise import block_means
 from eaid.steps.stepset import Level, StepSet
 
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
-ODD_REPEAT = 0.01  # Probability at which a good repeat would be said to lie off the others
-Sets = tuple[StepSet, StepSet]  # Steps as they were recorded, and the same behind their dead time
 # Findings that no creep leaves behind it
 WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike", "polynomials-too-low")
 NO_STEP_CODES = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
 LARGE_TAIL = 0.2  # Part of its level's output, from which on a tail puts a run off the others
-SWEEPS_APART = 3.0  # Times the distance between the other sweeps that one of them is off
-LEAST_OFF = 0.05  # Distance in ln τ below which nothing is said of a repeat
 
 
 def keep_quotable(value: Any) -> Any:
@@ -89,32 +81,29 @@ def _is_known(value: float) -> bool:
 
 
 def fit_steps(
-    stepset: StepSet, options: FitOptions | None = None, progress: Callable[[], None] | None = None,
-    starts: Starts | None = None,
-) -> Fit:  # fmt: skip
+    stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None = None, starts: Starts | None = None
+) -> Fit:
     """Fit a set of steps and find how sure the result is: what `eaid.fit` calls.
 
     `progress` is called once per bootstrap refit. `UsageError` for an option that is none, or a model that the kind of
     experiment does not allow; `DataError` without a rising step.
     """
-    options = options or FitOptions()
     # the products here are small: threads of BLAS would wait for each other, and round otherwise than one does
     with threadpool_limits(1, user_api="blas"):
         begin, as_given = Begin(), stepset
         if stepset.levels or not stepset.level_steps:
             begin = dead_time_of(stepset, options)
-            stepset = stepset.noted_late(-begin.dead_time_s)
-            recorded = stepset, cut_behind(stepset, begin.dead_time_s)
-            sets, result, scatter = _fit_without_tails(recorded, options, progress)
+            recorded = cut_behind(stepset.noted_late(-begin.dead_time_s), begin.dead_time_s)
+            stepset, result, scatter = _fit_without_tails(recorded, options, progress)
             if starts is None and (found := find_starts_apart(scatter)) is not None:
                 return fit_steps(lay_in_step(as_given, found), options, progress, found)
             no_step = [one for one in result.findings if one.code in NO_STEP_CODES]
-            if no_step and sum(len(one.levels) for one in no_step) < len(recorded[1].levels) - len(options.hold_out):
-                recorded = recorded[0].without(no_step), recorded[1].without(no_step)
-                sets, result, _ = _fit_without_tails(recorded, options, progress)
+            if no_step and sum(len(one.levels) for one in no_step) < len(recorded.levels) - len(options.hold_out):
+                recorded = recorded.without(no_step)
+                stepset, result, _ = _fit_without_tails(recorded, options, progress)
             if options.curve == "auto" and (flat := flat_levels(result)) is not None:
-                recorded, sets, result = _fit_within_limit(recorded, sets, result, flat, options, progress)
-            stepset, result = _fit_beside(recorded, sets, result, options, progress)
+                recorded, stepset, result = _fit_within_limit(recorded, stepset, result, flat, options, progress)
+            stepset, result = _fit_beside(recorded, stepset, result, options, progress)
         else:  # a staircase that never rests: no model of steps from rest
             result = Fit(data=data_of_steps(stepset), uncertainty=Uncertainty("none"))
         shapes = fit_single_steps(stepset, options)
@@ -157,98 +146,98 @@ def fit_steps(
 
 
 def _fit_within_limit(
-    recorded: Sets, sets: Sets, result: Fit, flat: Finding, options: FitOptions, progress: Callable[[], None] | None
-) -> tuple[Sets, Sets, Fit]:
-    """The sets as recorded, without tails, and their fit: of a drive that ends where levels are `flat`, where that
+    recorded: StepSet, stepset: StepSet, result: Fit, flat: Finding, options: FitOptions,
+    progress: Callable[[], None] | None,
+) -> tuple[StepSet, StepSet, Fit]:  # fmt: skip
+    """The set as recorded, without tails, and its fit: of a drive that ends where levels are `flat`, where that
     explains them as well."""
     if options.hold_out or options.bounds_levels:  # which may name levels beyond it
-        return recorded, sets, result
-    told = msgspec.structs.replace(flat, values={**flat.values, "how": "limit"})
-    first, behind = (limit_at(one, told) for one in recorded)
-    if first is None or behind is None:
-        return recorded, sets, result
-    without, within, _ = _fit_without_tails((first, behind), options, progress)
-    as_well = limit_explains_as_well(within, result, sets[1].levels)
-    return ((first, behind), without, within) if as_well else (recorded, sets, result)
+        return recorded, stepset, result
+    limited = limit_at(recorded, msgspec.structs.replace(flat, values={**flat.values, "how": "limit"}))
+    if limited is None:
+        return recorded, stepset, result
+    without, within, _ = _fit_without_tails(limited, options, progress)
+    as_well = limit_explains_as_well(within, result, stepset.levels)
+    return (limited, without, within) if as_well else (recorded, stepset, result)
 
 
 @np.errstate(all="ignore")  # tails of rounds that run away overflow
 def _fit_without_tails(
-    sets: Sets, options: FitOptions, progress: Callable[[], None] | None, near: Fit | None = None
-) -> tuple[Sets, Fit, Scatter]:
-    """The sets of steps without the tails of those before, where these matter, their fit, and how runs scatter; `near`
-    is a fit without tails of steps that differ little, in place of one with them."""
-    (_, behind), plain = sets, None
+    stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None, near: Fit | None = None
+) -> tuple[StepSet, Fit, Scatter]:
+    """The set without the tails of the steps before, where these matter, its fit, and how runs scatter; `near` is a fit
+    without tails of steps that differ little, in place of one with them."""
+    plain = None
     if near is None or not near.on_tails:
-        plain = _fit_levels(behind, options, progress)
+        plain = _fit_levels(stepset, options, progress)
         near = plain[0]
     if near.nonlinear is not None:
         begin = with_release(near.nonlinear.parameters, near.release)
-        found = find_tails(begin, behind)
-        if largest_part(behind, found)[0] >= TAIL_MATTERS and are_sound(behind, found):
-            return _fit_on_tails(sets, begin, near.release, options, progress)
-    return (sets, *(plain or _fit_levels(behind, options, progress)))
+        found = find_tails(begin, stepset)
+        if largest_part(stepset, found)[0] >= TAIL_MATTERS and are_sound(stepset, found):
+            return _fit_on_tails(stepset, begin, near.release, options, progress)
+    return (stepset, *(plain or _fit_levels(stepset, options, progress)))
 
 
 def _fit_on_tails(
-    sets: Sets, begin: Plant, release: Release | None, options: FitOptions, progress: Callable[[], None] | None
-) -> tuple[Sets, Fit, Scatter]:
-    """The sets of steps without their tails, which are settled from where they begin, and their fit on these."""
-    _, behind = sets
+    stepset: StepSet, begin: Plant, release: Release | None, options: FitOptions, progress: Callable[[], None] | None
+) -> tuple[StepSet, Fit, Scatter]:
+    """The set without its tails, which are settled from where they begin, and its fit on these."""
+    recorded, _ = split_held_out(stepset.levels, options.hold_out)
 
     def estimate(tails: Tails, without: StepSet) -> Estimate:
-        (recorded, _), (kept, _) = (split_held_out(one.levels, options.hold_out) for one in (behind, without))
+        kept, _ = split_held_out(without.levels, options.hold_out)
         return Estimate(kept, fit_levels_first(data_on_tails(recorded, tails), options.held_share))
 
-    tails, plant, falls = settle_tails(behind, begin, release, lambda *of: estimate(*of).parameters)
-    off, release = (take_off_tails(sets[0], plant, tails), take_off_tails(behind, plant, tails)), falls.release
-    errors = [with_release(one, release) for one in estimate(tails, off[1]).moved]
+    tails, plant, falls = settle_tails(stepset, begin, release, lambda *of: estimate(*of).parameters)
+    without, release = take_off_tails(stepset, plant, tails), falls.release
+    errors = [with_release(one, release) for one in estimate(tails, without).moved]
     errors += [with_release(plant, one) for one in falls.moved]
-    recorded, _ = split_held_out(behind.levels, options.hold_out)
-    data = data_on_tails(recorded, tails, [find_tails(one, behind) for one in errors])
-    result, scatter = _fit_levels(off[1], options, progress, data)
-    part, level = largest_part(behind, tails)
-    told = [finding("tails-taken-off", "data", [level], pct=100 * part, unit=behind.input_unit)]
-    large = {one.level for one in behind.levels if largest_part(replace(behind, levels=(one,)), tails)[0] > LARGE_TAIL}
+    data = data_on_tails(recorded, tails, [find_tails(one, stepset) for one in errors])
+    result, scatter = _fit_levels(without, options, progress, data)
+    part, level = largest_part(stepset, tails)
+    told = [finding("tails-taken-off", "data", [level], pct=100 * part, unit=stepset.input_unit)]
+    parts = {one.level: largest_part(replace(stepset, levels=(one,)), tails)[0] for one in stepset.levels}
+    large = {u for u, of_level in parts.items() if of_level > LARGE_TAIL}
     told += [  # a run on a large tail lies off by what is not known of that
         one for one in result.findings
         if one.subject != "release" and not (one.code == "repeat-is-off" and large.issuperset(one.levels))
     ]  # fmt: skip
     told += [finding("release-as-left", "release")] if release is not None and release.as_left else []
-    return off, msgspec.structs.replace(result, release=release, findings=tuple(told)), scatter
+    return without, msgspec.structs.replace(result, release=release, findings=tuple(told)), scatter
 
 
 def _fit_beside(
-    recorded: Sets, sets: Sets, result: Fit, options: FitOptions, progress: Callable[[], None] | None
+    recorded: StepSet, stepset: StepSet, result: Fit, options: FitOptions, progress: Callable[[], None] | None
 ) -> tuple[StepSet, Fit]:
-    """The set as it was recorded and its fit, with a C of its own and without a creep of its output where the runs show
-    them, and nobody has held C; `sets` are those of the fit so far, without tails."""
+    """The set and its fit, with a C of its own and without a creep of its output where the runs show them, and nobody
+    has held C; `stepset` is that of the fit so far, without the tails of the one `recorded`."""
     share, codes = None if result.uncertainty is None else result.uncertainty.share, {x.code for x in result.findings}
     decays = "output-decays-under-hold" in codes
     unheld = options.share == SHARE and options.estimator != "joint"  # that is the paper's own fit
-    single = all(len(level.runs) == 1 for level in sets[1].levels)  # which do not say what C they ask for
+    single = all(len(level.runs) == 1 for level in stepset.levels)  # which do not say what C they ask for
     asked = unheld and "rise-of-the-rig" not in codes and share is not None and (share.rejected or decays or single)
+    so_far = stepset, result
     if share is None or result.nonlinear is None or not asked:
-        return sets[0], result
-    free, creep = find_share_and_creep(sets[1], share, SHARE)
+        return so_far
+    free, creep = find_share_and_creep(stepset, share, SHARE)
     if creep is None and (decays or not free):
-        return sets[0], result
-    told, without = list[Finding](), (sets[0], result)
+        return so_far
+    told = list[Finding]()
     if creep is not None:
-        first, behind = (replace(one.without_creep(creep.rate, creep.t0_s), creep=creep) for one in recorded)
-        recorded = (first, behind)
+        recorded = replace(recorded.without_creep(creep.rate, creep.t0_s), creep=creep)
         low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
         told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
     options = replace(options, share="free") if free else options
-    sets, result, _ = _fit_without_tails(recorded, options, progress, result)
+    stepset, result, _ = _fit_without_tails(recorded, options, progress, result)
     if creep is not None and any(one.code in WRONG_FORM for one in result.findings):
-        return without  # it is of the form that is wrong, as that of a plant which rings
+        return so_far  # it is of the form that is wrong, as that of a plant which rings
     if free and result.nonlinear is not None:
         C, known = result.nonlinear.C, result.nonlinear.ci95
         low, high = (known and known.C) or (C, C)
         told.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=C, low=low, high=high))
     told += [one for one in result.findings if one.code != "share-free"]
-    return sets[0], msgspec.structs.replace(result, findings=tuple(told))
+    return stepset, msgspec.structs.replace(result, findings=tuple(told))
 
 
 def _fit_levels(
@@ -270,13 +259,12 @@ def _fit_levels(
     plain, whole = data_of(kept, stepset.creep), stepset
     data = plain if on_tails is None else replace(plain, compressed=on_tails.points)
     stepset = replace(stepset, levels=kept)
+    task = FitTask(stepset, data, options, held_out, progress)
     with np.errstate(all="ignore"):
         fitted = _fit_model if "nonlinear" in models else _fit_each_level
-        result, near = fitted(stepset, data, models, options, held_out, progress)
+        result, near = fitted(task, models)
         scatter, share = near.scatter, None
-        drift = session_drift(scatter, stepset.runs)
-        findings = [*result.findings, *scatter_findings(scatter, told=bool(drift)), *drift]
-        findings += no_steps(scatter)
+        findings = [*result.findings, *scatter_findings(scatter, stepset.runs), *no_steps(scatter)]
         misfits: tuple[LackOfFit, ...] = ()
         if "friction" in models or "nonlinear" in models:
             misfits, more = adequacy(scatter, stepset.input_unit)
@@ -285,7 +273,7 @@ def _fit_levels(
                 share, more = share_of(near, data)
                 findings += more
         if "linear" in models:
-            linear, more = linear_part(plain, scatter, options, held_out)
+            linear, more = linear_part(replace(task, data=plain), scatter)
             result = msgspec.structs.replace(result, linear=linear)
             findings += more
     summary = Uncertainty(
@@ -299,138 +287,48 @@ def _fit_levels(
     )
     result = msgspec.structs.replace(result, data=data_of_steps(whole), uncertainty=summary)
     if stepset.releases:
-        held_s = {level.level: float(level.time_s[-1]) for level in kept}
-        rises = dict(zip(data.u.tolist(), scatter.curves, strict=True))
-        release, more = release_fit(stepset.releases, rises, held_s, options.held_share or SHARE)
+        release, more = release_fit(stepset.releases, kept, scatter.curves, options.held_share or SHARE)
         result, findings = msgspec.structs.replace(result, release=release), [*findings, *more]
     return msgspec.structs.replace(result, findings=tuple(findings)), scatter
 
 
-def _fit_model(
-    stepset: StepSet,
-    data: Data,
-    models: Sequence[str],
-    options: FitOptions,
-    held_out: Sequence[Level],
-    progress: Callable[[], None] | None,
-) -> tuple[Fit, Estimate | OwnLevels]:
+def _fit_model(task: FitTask, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLevels]:
     """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
-    levels, share = stepset.levels, options.held_share
-    first, huber = fit_with_loss(
-        data, options.loss, lambda d, near: estimate_levels_first(levels, d, share, near), _level_residuals
-    )
+    options, levels, share = task.options, task.stepset.levels, task.options.held_share
+    first, huber = fit_with_loss(task, "nonlinear", lambda d, near: estimate_levels_first(levels, d, share, near))
     joint, of_joint = fit_with_loss(
-        data,
-        options.loss,
-        lambda d, near: fit_nonlinear(d, share) if near is None else refit_nonlinear(d, near),
-        Solution.residuals,
+        task, "nonlinear", lambda d, near: refit_nonlinear(d, near) if near else fit_nonlinear(d, share)
     )
     papers, draws = options.estimator == "joint", None
     if options.curve == "auto" and not papers and bool((first.scatter.repeats > 1).any()) and find_flat_levels(first):
-        options = replace(options, curve="levels")
+        task = replace(task, options=replace(options, curve="levels"))
     if options.ci == "bootstrap":
         refit = (lambda again: refit_nonlinear(again, joint).x) if papers else first.refit
-        draws = bootstrap(levels, data, first.scatter.curves, refit, options, progress)
-    model, values, findings = nonlinear_part(stepset, data, first, joint, options, held_out, draws)
-    findings += huber_findings("nonlinear", of_joint if papers else huber)
+        draws = bootstrap(task, first.scatter, refit)
+    model, values, findings = nonlinear_part(task, first, joint, draws)
+    findings += of_joint if papers else huber
     result = Fit(nonlinear=model)
     if "friction" in models:
-        part, more = friction_part(stepset, values, data, options)
+        part, more = friction_part(task, values)
         findings += more
         result = msgspec.structs.replace(result, friction=part)
     return msgspec.structs.replace(result, findings=tuple(findings)), first
 
 
-def _level_residuals(one: Estimate | OwnLevels, data: Data) -> list[Array]:
-    """f − y of the levels' curves at every sample."""
-    return level_residuals(one.scatter.theta, data.records)
-
-
-def _fit_each_level(
-    stepset: StepSet,
-    data: Data,
-    models: Sequence[str],
-    options: FitOptions,
-    held_out: Sequence[Level],
-    progress: Callable[[], None] | None,
-) -> tuple[Fit, Estimate | OwnLevels]:
+def _fit_each_level(task: FitTask, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLevels]:
     """Every level by itself, with trends over the levels; their estimates."""
-    levels, share = stepset.levels, options.held_share
-    own, huber = fit_with_loss(data, options.loss, lambda d, near: own_levels(levels, d, share, near), _level_residuals)
+    options, levels, share = task.options, task.stepset.levels, task.options.held_share
+    own, huber = fit_with_loss(task, "friction", lambda d, near: own_levels(levels, d, share, near))
     if "friction" not in models:
         return Fit(), own
-    ends = reach_over_slow_parts(own, own.intervals)
+    ends = None
     if options.ci == "white":
-        ends = white_ends(own.scatter)
+        ends = white_ends(own)
     elif options.ci == "bootstrap":  # refits that run away count by rank
-
-        def logs(theta: Array) -> Array:
-            return np.log(np.maximum(theta[:3], 1e-300))
-
-        near = bootstrap(
-            levels,
-            data,
-            own.scatter.curves,
-            lambda d: logs(own_levels(levels, d, share, own).scatter.theta),
-            options,
-            progress,
-        )
-        ends = drawn_ends(logs(own.scatter.theta), near, ends[2])
-    values = quote_levels(levels, own.scatter.theta, own.scatter.held, ends)
-    part, findings = friction_part(stepset, values, data, options, own, held_out)
-    findings += huber_findings("friction", huber)
-    return Fit(friction=part, findings=tuple(findings)), own
-
-
-def scatter_findings(scatter: Scatter, told: bool = False) -> list[Finding]:
-    """What the scatter of the runs itself says: single runs; sweeps, where no drift of the session was `told`."""
-    if scatter.source != "repeats":
-        return [finding("single-runs" if scatter.source == "curve" else "single-runs-few-levels", "data")]
-    if not scatter.swept or told:
-        return odd_repeats(scatter)
-    shifted = tuple(name for name, common in zip(CURVES, scatter.pooled.common, strict=False) if common > 0)
-    sweeps, runs = int(scatter.repeats.max()), int(scatter.repeats.sum())
-    return [*odd_repeats(scatter), finding("recorded-as-sweeps", "data", sweeps=sweeps, parameters=shifted, runs=runs)]
-
-
-def no_steps(scatter: Scatter) -> list[Finding]:
-    """Levels that no step response explains: those whose output stays at rest, and others."""
-    pairs = zip(scatter.levels, scatter.jacobians, strict=True)  # ∂f/∂ln T_s is f itself
-    little = {one.level for one, J in pairs if explains_little([one.mean], [one.mean - J[:, 0]])}
-    tops = {one.level: float(np.abs(block_means(one.mean)).max()) for one in scatter.levels}
-    still = {u for u in little if tops[u] <= RESTING * max(tops.values())}
-    found = {"output-stays-at-rest": sorted(still), "curve-explains-little": sorted(little - still)}
-    return [finding(code, "friction", levels) for code, levels in found.items() if levels]
-
-
-def odd_repeats(scatter: Scatter) -> list[Finding]:
-    """One repeat of three or more whose τ1 or τ2 lies off the others', at one level, or in sweeps at all of them.
-
-    Its distance to the others' mean against the scatter of all runs but it, a t test at `ODD_REPEAT` in all; in sweeps
-    against what is left of the levels, and `SWEEPS_APART` times what the other sweeps lie apart.
-    """
-    findings = []
-    for k, name in ((1, "tau1"), (2, "tau2")):
-        size = np.sqrt(scatter.pooled.expected[:, k] * scatter.repeats)  # how far single runs of each level scatter
-        rows = [i for i, one in enumerate(scatter.runs) if scatter.usable[i, k] and len(one.shift) > 2]
-        sweeps = common_shifts(scatter.runs, k) if len(rows) == len(scatter.levels) else None
-        off_all = [scatter.runs[i].shift[:, k] - (0.0 if sweeps is None else sweeps) for i in rows]
-        squares = sum(float(d @ d) / size[i] ** 2 for i, d in zip(rows, off_all, strict=True))
-        degrees = sum(len(d) - 1 for d in off_all) - (1 if sweeps is None else len(sweeps) - 1)
-        limit = float(stdtrit(degrees, 1 - ODD_REPEAT / 4 / sum(map(len, off_all)))) if degrees > 0 else np.inf
-        groups = [([i], d) for i, d in zip(rows, off_all, strict=True)] if sweeps is None else [(rows, sweeps)]
-        for at, d in groups:
-            r, scale = int(np.abs(d - median(d)).argmax()), float(np.sqrt(np.mean(size[at] ** 2) / len(at)))
-            others = np.delete(d, r)
-            off = float(d[r] - others.mean())
-            left = squares - (off / scale) ** 2 * len(others) / len(d) if sweeps is None else squares
-            error = scale * np.sqrt(max(left, 0.0) / max(degrees, 1) * len(d) / len(others))
-            apart = 0.0 if sweeps is None else SWEEPS_APART * float(np.ptp(others))
-            if abs(off) > max(limit * error, apart, LEAST_OFF):
-                runs, levels = (tuple(getattr(scatter.levels[i], what) for i in at) for what in ("names", "level"))
-                pct, names = float(100 * np.expm1(off)), tuple(one[r] for one in runs)
-                findings.append(finding("repeat-is-off", "data", levels, runs=names, parameter=name, off_pct=pct))
-    return findings
+        draws = bootstrap(task, own.scatter, lambda d: own_levels(levels, d, share, own).logs)
+        ends = drawn_ends(own.logs, draws, own.intervals[2])
+    part, findings = friction_part(task, quote_each(own, ends), own)
+    return Fit(friction=part, findings=(*findings, *huber)), own
 
 
 def usual_idle(stepset: StepSet) -> float:
@@ -496,6 +394,7 @@ def split_held_out(levels: Sequence[Level], hold_out: Sequence[float]) -> tuple[
 
 def data_of_steps(stepset: StepSet) -> FittedData:
     """What a fit is made from: kind, units, levels, the rig and the runs."""
+    of_source = attrgetter("source", "sha256", "name", "level", "repeat", "baseline_nm", "step_s", "samples", "edge")
     rates = [run.rate_hz for run in stepset.runs if not run.left_out]
     if not rates:
         rates = [(len(level.time_s) - 1) / float(level.time_s[-1] - level.time_s[0]) for level in stepset.levels]
@@ -512,21 +411,7 @@ def data_of_steps(stepset: StepSet) -> FittedData:
         record_s=tuple(float(level.time_s[-1]) for level in stepset.levels),
         sample_rate_hz=max(rates, default=None),
         apparatus=stepset.apparatus,
-        sources=tuple(
-            Source(
-                run.source,
-                run.sha256,
-                run.name,
-                run.level,
-                run.repeat,
-                run.baseline_nm,
-                run.step_s,
-                run.samples,
-                run.edge,
-            )
-            for run in stepset.runs
-            if not run.left_out
-        ),
+        sources=tuple(Source(*of_source(run)) for run in stepset.runs if not run.left_out),
         inputs=tuple(Input(path, sha256) for path, sha256 in stepset.inputs),
         synthetic=stepset.synthetic,
     )

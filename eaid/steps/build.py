@@ -111,12 +111,12 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
         ]
         for name, step in steps.items()
     }  # fmt: skip
-    of_levels = [[steps[run.name] for run in group] for _, group in rising]
-    rises = [step for level in of_levels for step in level]
-    for one in (*(told for level in of_levels for told in broken_off(level)), *coarse(rises)):
+    up, down = ([[steps[run.name] for run in members] for _, members in group] for group in (rising, falling))
+    rises = [step for level in up for step in level]
+    for one in (*(told for level in up for told in broken_off(level)), *coarse(rises)):
         of_runs[one.subject].append(one)
     out = _stopped(runs, of_runs)
-    levels = _averaged(rising, steps, out)
+    levels = _averaged(up, out)
     odd = [] if any(run.swept for run in runs) else disagreements(levels, input_unit)
     for name in of_runs:
         of_runs[name] += _of_subject(odd, name)
@@ -129,7 +129,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
     findings += sittings(records, usual, input_unit, typed(options.stated()))
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
     return StepSet(
-        kind, input_unit, output_unit, apparatus, tuple(levels), tuple(_averaged(falling, steps, out)), tuple(records),
+        kind, input_unit, output_unit, apparatus, tuple(levels), tuple(_averaged(down, out)), tuple(records),
         tuple(findings), synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
         level_steps=level_steps([run for run in runs if run.name not in out], of_runs),
     )  # fmt: skip
@@ -151,9 +151,9 @@ def _stopped(runs: Sequence[Run], findings: Mapping[str, Sequence[Finding]]) -> 
     return set() if out.issuperset(rises) else out
 
 
-def _averaged(groups: Sequence[tuple[float, Sequence[Run]]], steps: Mapping[str, Cut], out: set[str]) -> list[Level]:
+def _averaged(levels: Sequence[Sequence[Cut]], out: set[str]) -> list[Level]:
     """The repeats of each level as one, but for runs that are left out."""
-    sound = [[steps[run.name] for run in members if run.name not in out] for _, members in groups]
+    sound = ([step for step in members if step.run.name not in out] for members in levels)
     return [common(members) for members in sound if members]
 
 

@@ -7,6 +7,7 @@ noise is b var(block means), blocks of b = 0.25 s: white noise of standard devia
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
@@ -29,12 +30,12 @@ class FittedLine(NamedTuple):
     left: Array  # Residuals, shape (n,)
 
 
-def fit_line(at: NDArray[Any], values: Array) -> FittedLine:
-    """The straight line through values at some places, shapes (n,)."""
+def fit_line(at: NDArray[Any], values: Array, taken: int = 2) -> FittedLine:
+    """The straight line through values at some places, shapes (n,), from which so many numbers are `taken` out."""
     x = at - at.mean()
     slope = float(x @ values / (x @ x))
     left = values - values.mean() - slope * x
-    return FittedLine(slope, float(np.sqrt((left @ left) / max(1, len(left) - 2) / (x @ x))), left)
+    return FittedLine(slope, float(np.sqrt((left @ left) / max(1, len(left) - taken) / (x @ x))), left)
 
 
 def stretches(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -109,10 +110,7 @@ def spikes(values: Array, least: float) -> NDArray[np.intp]:
 
 def medians_of_five(values: Array) -> Array:
     """Medians of each sample with two neighbours on both sides, those at the ends repeated, shape (n,)."""
-    wide, n, least, most = np.pad(values, 2, mode="edge"), len(values), np.minimum, np.maximum
-    a, b, c, d, e = (wide[k : k + n] for k in range(5))
-    low, high = most(least(a, b), least(c, d)), least(most(a, b), most(c, d))
-    return np.asarray(most(least(low, high), least(e, most(low, high))))
+    return np.asarray(np.partition(sliding_window_view(np.pad(values, 2, mode="edge"), 5), 2)[:, 2])
 
 
 def glitch(values: Array) -> NDArray[np.intp]:

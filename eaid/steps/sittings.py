@@ -28,7 +28,7 @@ DATE = re.compile(
 )
 
 
-def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str = "") -> list[Finding]:
+def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str) -> list[Finding]:
     """The finding of several sittings, with a command for each part; none where there is one. `usual`: output."""
     every = [run for run in runs if run.edge == "rising" and not run.left_out]
     rising = list({run.source: run for run in reversed(every)}.values())  # the first of each log

@@ -18,7 +18,7 @@ from eaid.steps.noise import STANDARD_ERRORS, block_error, block_means, fit_line
 SAME_INSTANT = 2e-3  # Share of the sample time within which instants count as equal: the rounding of written times
 GAP_ROWS = 5.0  # Usual rows from which a stretch without any is a gap
 OVER = 0.05  # Share by which a peak has to exceed the level after it to be a slip
-PEAK_PART = 50  # A peak is looked for on means over this part of the record
+PEAK_PART, SLIP_PART = 50, 200  # A peak, or a slip, is looked for on means over this part of the record
 
 
 def usual_step(time_s: Array) -> float:
@@ -129,6 +129,13 @@ def moving_means(runs: Array, width: int) -> Array:
     return np.asarray((sums[:, width:] - sums[:, :n]) / counts)
 
 
+def whole_means(values: Array, parts: int) -> Array:
+    """Moving means over that part of the record, along the last axis; none over fewer samples at its ends."""
+    width = max(1, values.shape[-1] // parts)
+    sums = np.cumsum(np.concatenate([np.zeros((*values.shape[:-1], 1)), values], axis=-1), axis=-1)
+    return np.asarray((sums[..., width:] - sums[..., :-width]) / width)
+
+
 def left_pct(step: Cut) -> float:
     """Torque left at the end of a release [% of the held torque], by block means."""
     return 100.0 * float(block_means(step.rise)[-1]) / step.swing if step.swing > 0 else 0.0
@@ -160,16 +167,14 @@ def slip_of(step: Cut) -> SlipTest | None:
     count = len(rise)
     if count < 80:
         return None
-    width = max(1, count // 200)
-    sums = np.concatenate(([0.0], np.cumsum(rise)))
-    smooth = (sums[width:] - sums[:-width]) / width
+    smooth = whole_means(rise, SLIP_PART)
     at = int(smooth.argmax())
     after = float(rise[-(count // 4) :].mean())
     peak, error = float(smooth[at]), block_error(rise) * np.sqrt(10)
     peaks = 0 < at < 0.9 * count and peak - after >= max(OVER * peak, STANDARD_ERRORS * error)
     if not (peaks or position is not None) or peak <= 0 or after <= 0:
         return None
-    middle = at + width // 2
+    middle = at + max(1, count // SLIP_PART) // 2
     low = int(np.argmax(smooth >= 0.2 * peak))
     high = max(int(np.argmax(smooth >= 0.8 * peak)), low + 1)
     stiffness = fit_line(time_s[low : high + 1], smooth[low : high + 1]).slope
