@@ -390,7 +390,8 @@ def test_table_iv_and_what_follows_from_it(report_of):
 
 def test_a_word_longer_than_a_file_name_stands_as_it_was_typed(report_of):
     long = "belt == 'slipped' or " * 30
-    found = {"code": "spikes", "subject": "data", "severity": "stop", "values": {"of": 1, "samples": 2, "value": 9.0, "at_s": 2.0, "unit": "%"}}  # fmt: skip
+    values = {"of": 1, "samples": 2, "value": 9.0, "at_s": 2.0, "unit": "%"}
+    found = {"code": "spikes", "subject": "data", "severity": "stop", "values": values}
     fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "command": ["a.csv", "--where", long],
            "findings": [found]}  # fmt: skip
     assert any(long in shlex.split(command) for _why, command in report_of(fit).steps)
