@@ -136,7 +136,6 @@ def fit_steps(
         return judged(
             msgspec.structs.replace(
                 result,
-                steps=shapes,
                 options=list_options(options, stepset),
                 seed=options.seed,
                 converged=has_converged(result),

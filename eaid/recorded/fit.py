@@ -260,11 +260,13 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     explained = all((log.fit_pct or 0.0) >= EXPLAINED_PCT for log in fit.logs)
     whole = fit.plant_ is not None and (explained or fit.plant_.another)
     of_shapes = () if whole else merged([one for shape in shapes for one in shape.findings])
-    findings = ranked((*stepset.all_findings, *fit.findings, *of_shapes))
-    told = msgspec.structs.replace(fit, options=workflow.list_options(options, stepset), steps=shapes)
+    findings = (*stepset.all_findings, *fit.findings, *of_shapes)
+    told = msgspec.structs.replace(
+        fit, options=workflow.list_options(options, stepset), steps=shapes, findings=ranked(findings)
+    )
     known = workflow.keep_quotable(told)
     beyond = [] if known is told else [finding("numbers-beyond-measure", "data")]
-    return judged(msgspec.structs.replace(known, findings=ranked((*findings, *beyond))))
+    return judged(msgspec.structs.replace(known, findings=ranked((*known.findings, *beyond))))
 
 
 def fit_recorded(
