@@ -262,9 +262,10 @@ def taking(kind: type[Options]) -> Callable[[F], F]:
                                   annotation=_Written(one.taken)) for one in more
             ]
         )  # fmt: skip
-        said = "".join(f"    {one.name}\n        {in_python(one.declared.help)}{_words_of(one)}\n" for one in more)
-        marker = f"    **{keywords.name}\n        Fields of `{kind.__name__}`, each as above.\n"
-        function.__doc__ = (function.__doc__ or "").replace(marker, said)
+        said = "".join(f"{one.name}\n    {in_python(one.declared.help)}{_words_of(one)}\n" for one in more)
+        marker = f"**{keywords.name}\n    Fields of `{kind.__name__}`, each as above.\n"
+        # without the indentation of the source, which Python 3.13 takes off itself
+        function.__doc__ = inspect.cleandoc(function.__doc__ or "").replace(marker, said)
         return function
 
     return told

@@ -35,7 +35,7 @@ CLOCKS = (
 SLOWEST_CLOCK_S = 90.0
 FASTEST_HZ = 50_000.0  # Sample rate beyond which a clock whose unit nobody gave is warned of
 BRIEF_S, QUICK_HZ = 2.0, 2000.0  # Span and sample rate of a log that may be one of minutes, if nobody gave the unit
-# Span beyond which a clock whose unit nobody gave counts no seconds, if it counts whole numbers, or seldom
+# Span beyond which a clock whose unit nobody gave is asked for it, if it counts one and more a row
 LONGEST_LOG_S = 3600.0
 WHOLE_S = 600.0  # Span from which whole seconds may be ms under a header that says s
 
@@ -203,7 +203,7 @@ def _is_round(rate_hz: float) -> bool:
 def _of_seconds(column: str, gone: Array, usual: float) -> Finding:
     """That seconds are assumed of a clock whose unit nobody gave, and what speaks against them."""
     span, too_fast = float(gone[-1]), 0 < usual < 1.0 / FASTEST_HZ
-    whole = usual >= 1.0 and _is_whole(gone)
+    coarse = usual >= 1.0
     brief = 0 < usual < 1.0 / QUICK_HZ and span < BRIEF_S
     too_fast |= brief and not _is_round(1 / usual) and _is_round(1 / usual / 60)  # 100 rows a second, in minutes
 
@@ -213,9 +213,9 @@ def _of_seconds(column: str, gone: Array, usual: float) -> Finding:
     # if it counts no seconds: the coarsest unit with half a second a sample, and an hour in all, at most
     finer = (one for one in ("ms", "us") if max(usual / 0.5, span / LONGEST_LOG_S) * TIME_FACTORS[one] <= 1)
     likely = min(("min", "h", "d"), key=off) if brief or too_fast else next(finer, "ns")
-    if too_fast or (span > LONGEST_LOG_S and (whole or usual > SLOWEST_CLOCK_S)):
+    if too_fast or (coarse and span > LONGEST_LOG_S):
         return _unclear(column, usual, span, likely)
-    if whole or brief:
+    if coarse or brief:
         return finding("time-doubtful", "time", column=column, usual_s=usual, span_s=span, likely=likely)
     return finding("unit-assumed", "time", role="time", column=column, unit="s")
 
@@ -262,4 +262,22 @@ def seconds_of(texts: Sequence[str]) -> Array:
         whole = (days[date] + midnights) * 86400 + clock
         first = whole if first is None else first
         seconds[i] = (whole - first) + float(f"0.{stamp['f'] or 0}")
-    return seconds
+    return without_clock_change(seconds, first) if dates and first is not None else seconds
+
+
+HOUR_S = 3600.0
+CHANGE_ROWS = 3.0  # Rows within which a clock is set forward or back, at a full hour
+FEWEST_STAMPS = 100  # By which the time from row to row is told from an hour
+
+
+def without_clock_change(seconds: Array, first: int) -> Array:
+    """Stamps in local time that begin at `first` [s], as if the clock had not been set for summer or winter: at a full
+    hour the next row comes an hour later, or earlier, than the usual one."""
+    steps = np.diff(seconds)
+    usual = median(steps[np.isfinite(steps)]) if np.isfinite(steps).any() else 0.0
+    near = CHANGE_ROWS * usual
+    if len(seconds) < FEWEST_STAMPS or not 0 < near < HOUR_S / 60:
+        return seconds
+    to_hour = (seconds[:-1] + first + near) % HOUR_S <= 2 * near
+    moved = np.where(to_hour & (np.abs(np.abs(steps) - HOUR_S) <= near), np.sign(steps), 0.0)
+    return np.asarray(seconds - HOUR_S * np.append(0.0, np.cumsum(moved))) if moved.any() else seconds

@@ -395,6 +395,10 @@ def _load(path: Path, source: str, zipped: bool, dialect: Dialect, columns: Sequ
     return Cells(tuple(whole), tuple(bad), tuple(rows))
 
 
+# A number with a plus before and blanks behind it, of which pandas loses the last digit
+_SIGNED = re.compile(r"\+[\d.]\S*[ \t]")
+
+
 def at_once(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> Cells | None:
     """The columns of a piece by pandas' parser; None where anything in them is not a plain finite number, or a row is
     longer or shorter than the first."""
@@ -411,7 +415,8 @@ def at_once(body: str, dialect: Dialect, columns: Sequence[int], line: int) -> C
     ends = signs[between_cells] == ord("\n")  # of cells: which end a row
     quoted = '"' in body and (np.cumsum(signs == ord('"'))[between_cells] % 2).any()  # what parts no cells
     even = len(first) >= dialect.count and ends.sum() * len(first) == len(ends)
-    if quoted or not even or not ends[len(first) - 1 :: len(first)].all():
+    signed = between not in " \t" and "+" in body and _SIGNED.search(body) is not None
+    if quoted or signed or not even or not ends[len(first) - 1 :: len(first)].all():
         return None
     # more than a float surely holds: stamps in ns stay whole
     kinds = {i: np.int64 if len(one := first[i].strip('" ')) > 15 and one.isdigit() else np.float64 for i in columns}

@@ -68,7 +68,8 @@ class Promise(Result, frozen=True):
             numbers = f"{one.recorded:.3g} {self.unit}, promised {one.promised:.3g}{ends}"
             said.append(f"        {one.name} {numbers}: {one.word}")
         if self.others:
-            said.append(f"        taken for the loop of {self.controller}; of {' or '.join(self.others)}: «controller»")
+            others = " or ".join(self.others)
+            said.append(f"        taken for the loop of {self.controller}; if it is of {others}, say «controller»")
         return said
 
 

@@ -31,7 +31,7 @@ def test_every_option_stands_in_the_signature_with_its_default_and_in_the_help(n
     shown = inspect.signature(function).parameters
     for option, form in forms(kind).items():
         assert shown[option].default == (None if option == "controller" else form.default)
-        assert re.search(rf"\n    {option}\b.*\n        ", function.__doc__)
+        assert re.search(rf"\n{option}\b.*\n    ", function.__doc__)
     assert "keywords" not in shown and "**keywords" not in function.__doc__
 
 

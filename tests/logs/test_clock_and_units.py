@@ -23,8 +23,8 @@ def at(times: Any, name: str = "time", torque: str = "torque_nm", **more: Any) -
     ("first", "step", "name", "said", "factor", "code"),
     [
         (25, 0.01, "t", None, 1, ""), (-1, 0.01, "time", None, 1, ""),
-        (1e7, 0.5, "time", None, 1, ""), (0, 1.5, "time", None, 1, ""),
-        (0, 60.5, "time", None, 1, ""), (0, 100.5, "time", None, 1, "time-unclear ms"),
+        (1e7, 0.5, "time", None, 1, ""), (0, 1.5, "time", None, 1, "time-doubtful ms"),
+        (0, 60.5, "time", None, 1, "time-doubtful ms"), (0, 100.5, "time", None, 1, "time-unclear ms"),
         (0, 1 / 49_999.5, "time", None, 1, "time-doubtful h"), (0, 1 / 50_000.5, "time", None, 1, "time-unclear h"),
         (0, 1 / 5_100_000, "time_s", None, 1, "time-unclear d"), (0, 1 / 5_100_000, "time", "s", 1, ""),
         (0, 0.1, "time_ns", None, 1e-9, "time-unclear d"),
@@ -32,6 +32,7 @@ def at(times: Any, name: str = "time", torque: str = "torque_nm", **more: Any) -
         (0, 1 / 6000, "t", None, 1, "time-unclear h"), (0, 10, "Time [s]", None, 1, ""),
         (0, 11, "Time [s]", None, 1, "whole-seconds"), (0, 11, "Time [s]", "ms", 1e-3, ""),
         (0, 62, "time", None, 1, "time-unclear ms"), (0, 501, "time", None, 1, "time-unclear us"),
+        (0, 61.3, "time", None, 1, "time-unclear ms"),  # no whole numbers, but an hour and more
         (0, 5.1e5, "time", None, 1, "time-unclear ns"), (0.5, 62, "time", None, 1, "time-unclear ms"),
         (1.2e9, 5000, "time", None, 1, "time-unclear us"), (4e9, 74, "time", None, 1, ""),
         (45_000, 1 / 8_640_000, "time", None, 1, "time-unclear d"),
@@ -42,7 +43,8 @@ def at(times: Any, name: str = "time", torque: str = "torque_nm", **more: Any) -
         (0, 10, "timeMs", None, 1e-3, ""), (0, 1e-3, "Time (h)", None, 3600, ""),
         (0, 1e-5, "time [days]", None, 86400, ""), (0, 1e-3, "minutes", None, 60, ""),
         (0, 1e4, "Zeit in us", None, 1e-6, ""), (0, 1, "time", "/200", 1 / 200, ""), (0, 10, "time_s", "s", 1, ""),
-        (1.7e12, 1, "time_ms", None, 1e-3, ""), (1.7e12, 1, "time", "s", 1, ""), (0, 2.5, "sample", None, 1, ""),
+        (1.7e12, 1, "time_ms", None, 1e-3, ""), (1.7e12, 1, "time", "s", 1, ""),
+        (0, 2.5, "sample", None, 1, "time-doubtful ms"),
         (0, 1, "sample", "s", 1, ""),
     ],
 )  # fmt: skip
@@ -218,3 +220,20 @@ def test_a_rate_takes_the_place_of_stamps_of_whole_seconds():
     assert level.time_s[1] == pytest.approx(0.02)
     with pytest.raises(eaid.DataError, match="does nothing"):
         eaid.read(log.assign(time_s=t), rate_hz=50.0)
+
+
+@pytest.mark.parametrize(("before", "after"), [("2025-03-30 01:59", 3), ("2025-10-26 02:59", 2)])
+def test_a_clock_that_is_set_for_summer_or_winter_goes_on(before, after, tmp_path):
+    """35 s of rows 10 ms apart were an hour and 35 s: τ2 of 16 s came out as 7, "usable"."""
+    t = np.arange(3500) / 100
+    stamps = [f"{before}:{55 + one:06.3f}" if one < 5 else f"{before[:11]}{after:02d}:00:{one - 5:06.3f}" for one in t]
+    on = t >= 2
+    rows = text("timestamp,duty_pct,torque_nm", stamps, 60 * on, np.where(on, -2 * np.expm1(-(t - 2) / 0.7), 0.0))
+    (tmp_path / "a.csv").write_text(rows)
+    (level,) = eaid.read(tmp_path / "a.csv").levels
+    np.testing.assert_allclose(level.time_s, np.arange(3300) / 100, atol=1e-6)
+    head, *lines = rows.splitlines()
+    (tmp_path / "a.csv").write_text("\n".join([head, *lines[:500], *lines[700:]]))  # an hour and more is a pause
+    if after == 3:
+        (level,) = eaid.read(tmp_path / "a.csv").levels
+        assert np.diff(level.time_s).max() > 3600

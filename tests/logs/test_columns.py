@@ -212,7 +212,7 @@ def test_numbers_of_any_type(read):
     for kind in ("u8", "i8", "f8", "f4", "u2"):
         falls = read(frame("time|duty|y", T, STEP, (5 - 3 * STEP).astype(kind)))
         assert falls.output.tolist() == (5 - 3 * STEP).tolist() and falls.output.dtype == np.float64
-    huge = read(frame("time|duty|y", T, STEP, np.where(STEP, 2**64 - 1, 2**63).astype("u8")))
+    huge = read(frame("time|duty|y", T, STEP, np.where(STEP, np.uint64(2**64 - 1), np.uint64(2**63))))
     assert huge.output[[0, -1]].tolist() == [2.0**63, 2.0**64]
     late = read(frame("time|duty|y", 2**62 + np.arange(60, dtype="u8"), STEP, STEP), units={"time": "ns"})
     np.testing.assert_allclose(late.time_s, 1e-9 * np.arange(60), rtol=1e-12)
@@ -251,3 +251,14 @@ def test_short_rests_between_many_falls_are_a_recording(hold, rest, falls, recor
     u = np.concatenate([*[np.zeros(rest), np.full(hold, 50.0)] * falls, np.zeros(rest)])
     data = frame("time|duty|torque", np.arange(len(u)) / 10, u, u + 0.01 * np.sin(1e3 * np.arange(len(u))))
     assert bool(eaid.read(data).recorded) is recorded
+
+
+def test_an_input_that_stands_still_is_no_input_where_another_steps(read):
+    """A tribometer at a constant force, whose speed steps: the force was taken, "20 → 20 N", usable."""
+    held = {"Time (s)": T, "Normal force (N)": 20 + 0.05 * np.sin(np.arange(len(T)))}
+    log = {**held, "Sliding speed (mm/s)": 10 * np.array(STEP), "Friction force (N)": WANDERS}
+    (said,) = read.refused(pd.DataFrame(log))
+    assert "Normal force (N) stands still, and Sliding speed (mm/s) steps" in said
+    for given in ("Sliding speed (mm/s)", "Normal force (N)"):
+        assert dict(read(pd.DataFrame(log), columns={"input": given}).taken)["input"] == given
+    assert dict(read(pd.DataFrame({**log, "Sliding speed (mm/s)": 3.0})).taken)["input"] == "Normal force (N)"

@@ -213,9 +213,9 @@ def test_a_loop_that_is_not_named_is_told_to_be_taken_for_the_first(loop, tmp_pa
     fit, gains, recorded = loop
     recorded(1).to_csv(tmp_path / "loop.csv", index=False)
     first, *others = gains.controllers_by_name
-    found = eaid.compare(fit, tmp_path / "loop.csv", gains=gains, plants=2)
+    found = eaid.compare(fit, tmp_path / "loop.csv", gains=gains, plants=10)
     assert found.promise.controller == first and "pi" in found.promise.others == tuple(others)
-    assert f"taken for the loop of {first}; of {' or '.join(others)}: «controller»" in found.summary()
+    assert f"taken for the loop of {first}; if it is of {' or '.join(others)}, say controller=" in found.summary()
 
 
 def test_a_log_without_a_reference_is_refused(loop, tmp_path):
