@@ -17,6 +17,7 @@ import math
 import operator
 import os
 import re
+import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -142,6 +143,8 @@ class OptionForm:
             value = value.tolist()
         if isinstance(value, str):
             return self._read(value)
+        if type(value) is int and float in self.parts and abs(value) <= sys.float_info.max:
+            return float(value)
         if kind == Mapping[str, str]:
             return pairs(f"«{self.name}»", value)
         if self.declared.levels and isinstance(value, Sequence) and kind is str:

@@ -21,8 +21,8 @@ from eaid.logs.formats import ForeignReader, format_of
 from eaid.logs.names import agreeing, level_and_repeat, named_like, pattern_guessed, several_factors, unit_beside
 from eaid.logs.read import columns_told, read_like, read_what_can_be
 from eaid.logs.run import Run
-from eaid.logs.to_run import without_switches
-from eaid.logs.units import TIME_FACTORS
+from eaid.logs.to_run import DRIVING, without_switches
+from eaid.logs.units import TIME_FACTORS, split_name, unit_of
 from eaid.options import ReadOptions, typed
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
@@ -90,14 +90,10 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
         units["input"] = "/255"
     blind = [run for run in runs if not run.has_input]
     pattern = pattern_guessed([run.name for run in blind]) if options.name_pattern is None and blind else ""
-    lone = {run.left for run in blind if len(run.left) == 1}
     levels = [level_and_repeat("", pattern, run.name)[0] for run in blind] if pattern else []
     named = bool(unit_beside(pattern)) or len(set(levels)) < len(levels)  # a level has a unit, or several runs
-    if blind and not named and not columns.keys() & {"input", "position"}:
-        if len(lone) == 1:  # the one column that is left
-            columns["input"] = lone.pop()[0]
-        elif not pattern:
-            columns |= _columns_of(files[0], options)
+    if blind and not columns.keys() & {"input", "position"}:
+        columns |= _input_left(blind, bool(pattern), named, files[0], options)
         pattern, blind = ("", []) if "input" in columns else (pattern, blind)
     if pattern:
         more["name_pattern"] = pattern
@@ -116,6 +112,22 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
         return ""
     proposed = given | repair | more
     return typed(proposed) if proposed != given else ""  # what was tried already
+
+
+def _input_left(blind: Sequence[Run], pattern: bool, named: bool, first: Path, options: ReadOptions) -> dict[str, str]:
+    """The input among the columns that logs without one have left: the one that moves and drives by its unit; where
+    their names tell no level, the only one, or what is guessed of the first log."""
+    driving = [one for one in dict.fromkeys(name for run in blind for name in run.left) if drives(blind, one)]
+    lone = {run.left for run in blind if len(run.left) == 1}
+    if len(driving) == 1 or (not named and len(lone) == 1):
+        return {"input": driving[0] if len(driving) == 1 else lone.pop()[0]}
+    return {} if pattern else _columns_of(first, options)
+
+
+def drives(runs: Sequence[Run], column: str) -> bool:
+    """Whether a column that leaves its rest in most runs may be their input, by its unit."""
+    moved = [run for run in runs if column in {name for name, _ in run.moves}]
+    return unit_of(split_name(column)[1]).quantity in DRIVING and 2 * len(moved) > len(runs)
 
 
 def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:

@@ -107,7 +107,7 @@ REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown
 # Why a log whose output falls where its input rises, or whose output's rate follows its input, is refused
 WRONG_SIGN = (
     "its output falls where its input rises, and a controller would be turned round; write the output, or the input, "
-    "with the other sign"
+    "with the other sign, or say «rest» where the input rests at its highest"
 )
 INTEGRATES_INPUT = (
     "its output integrates its input (its rate follows the input, and no lag within the log brings it to rest), as a "
@@ -541,7 +541,8 @@ def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solv
     """A fit with T_s(u) through values at `count` inputs, or more, where logs ask for more than a cubic, be it for
     falls or a hysteresis that they do not have; itself where they do not, or hold few levels, or have such a T_s(u)."""
     model, first = base.setup.model, base.setup.model.slices[0].stop
-    if not first < count <= MOST_KNOTS or (inputs.stepwise and len(inputs.levels) <= FEW_LEVELS):
+    few = len(inputs.levels) <= FEW_LEVELS if inputs.stepwise else not model.low < model.high
+    if few or not first < count <= MOST_KNOTS:
         return base
     sizes = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.setup.drives]))
     sizes = sizes[(sizes > 0) & (sizes >= model.low) & (sizes <= model.high)]

@@ -50,7 +50,7 @@ class Excited:
     def shown(self) -> Array:
         """Inputs at which curves are given: the levels where they are few, else eleven over the range."""
         few = self.stepwise and 0 < len(self.basis) <= FEW_LEVELS
-        return self.basis if few else np.linspace(self.low, self.high, 11)
+        return self.basis if few else np.unique(np.linspace(self.low, self.high, 11))
 
     def over(self, low: float, high: float) -> "Excited":
         """The same over another range."""
@@ -190,8 +190,8 @@ def input_findings(experiment: Experiment) -> list[Finding]:
         share = 100.0 * alone / max(int((log.input != 0).sum()), 1)
         if share > FAST_PCT:
             findings.append(finding("input-faster-than-sampled", log.name, share_pct=share))
-        share = 100.0 * log.saturated
-        if (not log.stepwise or log.reference is not None) and share > SATURATED_PCT:
+        share, moves = 100.0 * log.saturated, not log.stepwise and len(inputs.levels) > 1
+        if (moves or log.reference is not None) and share > SATURATED_PCT:
             findings.append(finding("input-saturates", log.name, share_pct=share, limit=top))
         if log.limit is not None:
             findings.append(finding("output-saturates", log.name, share_pct=log.at_limit_pct, limit=log.limit))

@@ -38,7 +38,11 @@ from eaid.steps.stepset import Level, LevelStep, StepSet
 SAVED = 0.1  # Part of the RMSE that a dead time has to save at a level
 LEVELS_ASKED = 10  # Levels that are asked
 START_ROWS, LEAST_LATE_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
-START_CHANCE = 0.01  # By which the runs' scatter may explain it
+SAMPLED_ROWS = 0.25  # The same of an input noted late, which is so by half a row where it was sampled
+TOLD_WHOLE = 0.75  # From which on it is told as whole rows
+COARSE_PART = 0.05  # Of the rise to half, from which a row is looked at for that
+# By which the runs' scatter may explain it; where the input looks as if it was noted late, which is likelier
+START_CHANCE, EARLY_CHANCE = 0.01, 0.05
 LEAST_ROWS_BEHIND = 8  # Of a level or release behind its dead time
 SURE_ROWS = 0.2  # Rows that the form of the curve leaves open
 RISE_PART = (0.1, 0.4)  # Of the held output: the rise in between leads to its start
@@ -79,7 +83,7 @@ def dead_time_of(stepset: StepSet, options: FitOptions) -> Begin:
     theta_s = found.dead_time_s
     levels = stepset.levels[:: 1 + (len(stepset.levels) - 1) // LEVELS_ASKED] if stepset.levels else ()
     law = DelayedLaw("free", share) if options.held_share in (None, SHARE) else DelayedLaw("two", share)
-    early = theta_s < 0 or (not theta_s and risen_when_noted(levels))
+    early = theta_s < 0 or (not theta_s and (risen_when_noted(levels) or sampled_coarsely(levels)))
     if theta_s or early or are_late(levels, law):
         # of an input noted late, holds end as much before their noted end
         whole = [one.ended(ENDS_PART * float(one.time_s[-1])) if early else one for one in levels]
@@ -123,11 +127,11 @@ def _begin_late(theta_s: float, reach: float | None) -> Begin:
     return Begin(theta_s, ends, (finding("dead-time", "steps", dead_time_s=theta_s, **known),))
 
 
-def _mean(theta: Array, weight: Array, levels: Sequence[Level]) -> tuple[float, float]:
+def _mean(theta: Array, weight: Array, levels: Sequence[Level], chance: float = START_CHANCE) -> tuple[float, float]:
     """The weighed mean of starts, and how far by their scatter it may be off."""
     mean, total = float(np.average(theta, weights=weight)), float(weight.sum())
     sd = float(np.sqrt(((weight * (theta - mean)) ** 2).sum())) / total
-    return mean, float(np.hypot(t_quantile(len(theta) - 1.0, 1 - START_CHANCE) * sd, SURE_ROWS * usual_row_s(levels)))
+    return mean, float(np.hypot(t_quantile(len(theta) - 1.0, 1 - chance) * sd, SURE_ROWS * usual_row_s(levels)))
 
 
 def usual_row_s(levels: Sequence[Level]) -> float:
@@ -141,6 +145,16 @@ def risen_when_noted(levels: Sequence[Level]) -> bool:
     return 2 * sum(off) > len(off)
 
 
+def sampled_coarsely(levels: Sequence[Level]) -> bool:
+    """Whether a row is a good part of the rise to half: an input that is sampled is noted half a row late in the mean,
+    where the sampler does not drive it."""
+    parts = []
+    for level in levels:
+        over = np.flatnonzero(level.mean >= 0.5 * level.mean[-1])
+        parts += [usual_step(level.time_s) / float(level.time_s[over[0]])] if len(over) and over[0] else [np.inf]
+    return len(parts) > 1 and median(parts) > COARSE_PART
+
+
 def find_by_rises(stepset: StepSet) -> Begin:
     """How late the rises begin, by the curves that lead to them; below 0: before their input is noted."""
     starts = [(level.time_s, run) for level in stepset.levels for run in level.runs]
@@ -150,15 +164,17 @@ def find_by_rises(stepset: StepSet) -> Begin:
     return _judge_starts(found, stepset.levels)
 
 
-def _judge_starts(found: Array, levels: Sequence[Level]) -> Begin:
+def _judge_starts(found: Array, levels: Sequence[Level], chance: float = START_CHANCE) -> Begin:
     """The mean of rows of dead time, weight and time constant, (n, 3); 0 where scatter or the rows explain it."""
     theta, weight, tau = found.T
-    (mean, reach), row_s = _mean(theta, weight, levels), usual_row_s(levels)
-    if abs(mean) < max(START_ROWS * row_s, LEAST_LATE_PART * median(tau), reach):
+    (mean, reach), row_s = _mean(theta, weight, levels, chance), usual_row_s(levels)
+    least_rows = START_ROWS if mean > 0 else SAMPLED_ROWS
+    if abs(mean) < max(least_rows * row_s, LEAST_LATE_PART * median(tau), reach):
         return Begin()
     if mean > 0:
         return _begin_late(mean, reach)
-    rows, ms = max(1, round(-mean / row_s)), -1e3 * mean
+    rows, ms = -mean / row_s, -1e3 * mean
+    rows = max(1, round(rows)) if rows > TOLD_WHOLE else round(rows, 1)
     late = finding("input-late", "steps", rows=rows, ms=ms, low=ms - 1e3 * reach, high=ms + 1e3 * reach)
     return Begin(mean, findings=(late,))
 
@@ -228,7 +244,9 @@ def find_by_cost(levels: Sequence[Level], law: DelayedLaw, white: bool) -> Begin
         for run in level.runs:
             shift, spread = float((unit @ (J.T @ (run - curve)))[-1]), float(unit[-1, -1]) * _noise(run - curve)
             found.append((float(p[4]) + shift, 1 / max(spread, 1e-300), float(np.exp(p[1]))))
-    return _judge_starts(np.array(found), levels) if (2 * count > len(levels) or not white) and len(found) > 1 else None
+    if len(found) < 2 or (white and 2 * count <= len(levels)):
+        return None
+    return _judge_starts(np.array(found), levels, START_CHANCE if white else EARLY_CHANCE)
 
 
 def _least_late(

@@ -124,6 +124,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
     findings += fraction if levels and levels[-1].level <= 1 else ()
     if stairs := sum(run.from_level != 0 for run in runs):
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))
+        findings += rests_elsewhere(runs, input_unit)
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
     usual = median([np.abs(level.mean).max() for level in levels]) if levels else 0.0
     findings += sittings(records, usual, input_unit, typed(options.stated()))
@@ -133,6 +134,23 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
         tuple(findings), synthetic="; ".join(sorted({run.synthetic for run in runs if run.synthetic})) or None,
         level_steps=level_steps([run for run in runs if run.name not in out], of_runs),
     )  # fmt: skip
+
+
+ALIKE_RESTS, FEWEST_RESTS = 0.1, 3  # Part by which inputs at rest may differ, and so many steps that begin at them
+
+
+def rests_elsewhere(runs: Sequence[Run], unit: str) -> list[Finding]:
+    """Said where the steps that do not begin at rest all begin at one input, below every level, and no other is at 0
+    before it: the rig may rest there, and what is counted from 0 parts its steps in two."""
+    rises = [run for run in runs if run.edge == "rising" and run.has_input]
+    begun = [run.from_level for run in rises if run.from_level != 0]
+    if len(begun) < FEWEST_RESTS or min(begun) <= 0:
+        return []
+    rest, lowest = median(begun), min(abs(run.level or 0.0) for run in rises)
+    before = [abs(float(run.input[0]) - rest) for run in rises]
+    if max(*before, *(abs(one - rest) for one in begun)) > ALIKE_RESTS * rest or rest > lowest:
+        return []
+    return [finding("rests-elsewhere", "data", rest=rest, unit=unit, steps=len(begun), of=len(rises))]
 
 
 def _of_subject(findings: Sequence[Finding], subject: str) -> list[Finding]:

@@ -245,7 +245,8 @@ class StepSet(Shown):
         kept = [[one for one in run.findings if not as_late(one, late_s, 1 / run.rate_hz)] for run in self.runs]
         pairs = zip(self.runs, kept, strict=True)
         runs = tuple(replace(run, findings=tuple(own), idle_slope=None) for run, own in pairs)
-        levels, releases = (tuple(one.ended(late_s) for one in part) for part in (self.levels, self.releases))
+        ended = ([one.ended(late_s) for one in part] for part in (self.levels, self.releases))
+        levels, releases = (tuple(one for one in part if len(one.time_s) > 1) for part in ended)
         return replace(self, runs=runs, levels=levels, releases=releases, findings=self._told_of_no_creep)
 
     def middles_s(self, level: Level, unknown_s: float = 0.0) -> Array:

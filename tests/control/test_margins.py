@@ -313,3 +313,10 @@ def test_gains_of_a_ringing_plant_keep_their_margins_where_its_gain_ends(fit_of)
         designed = made(wide).pi
         steeper = made(0.0, 0.5 * 1.25, pi_gains=(designed.K_P, designed.K_I), anyway=True).margins.worst["pi"]
         assert (steeper.gain_db > 6 and steeper.phase_deg > 45) is holds, steeper
+
+
+@pytest.mark.parametrize("b_hat", [-1, -1.0, 0])
+def test_a_b_hat_that_turns_the_loop_round_is_refused_as_a_whole_number_too(fit_of, b_hat):
+    """-1 in Python was looked for a boundary layer without end."""
+    with pytest.raises(eaid.GainsError, match="it has to be positive, or the loop is turned round"):
+        eaid.tune_rc(fit_of(), b_hat=b_hat)

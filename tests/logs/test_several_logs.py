@@ -8,6 +8,7 @@ import shutil
 import sys
 
 import numpy as np
+import pandas as pd
 import pytest
 from logs_written import frame, text
 
@@ -507,3 +508,18 @@ def test_an_alternating_voltage_holds_the_level_that_the_name_tells(tmp_path):
     turned = text("time_s,voltage_V,torque_nm", T, np.where(T < 4.5, 100.0, -100.0) * (U > 0), Y)
     (tmp_path / "V=100.csv").write_text(turned)
     assert "input-alternates" not in str(eaid.read([tmp_path / "V=100.csv"], name_pattern="V={level}").all_findings)
+
+
+def test_the_column_that_drives_by_its_unit_is_proposed_before_levels_of_the_names(run_eaid, tmp_path, monkeypatch):
+    """Of 80 to 400 V the numbers of the names were fitted, 20 to 100, in no unit."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "logs").mkdir()
+    t = np.arange(1200) / 50
+    for level, k in itertools.product((20, 60, 100), range(2)):
+        y = np.where(t >= 5, -level / 20 * np.expm1(-(t - 5) / 0.5), 0.0) + 1e-3 * np.sin(1e4 * t + k)
+        table = pd.DataFrame({"Time (s)": t, "HV (V)": np.where(t >= 5, 4.0 * level, 0.0), "Force (N)": y})
+        table.to_csv(tmp_path / "logs" / f"u{level}_{k}.csv", index=False)
+    (proposed,) = [line for line in run_eaid("fit", "logs").err.splitlines() if line.startswith("try: ")]
+    assert 'input="HV (V)"' in proposed and "name-pattern" not in proposed
+    assert run_eaid(*shlex.split(proposed.removeprefix("try: eaid "))).code == 0
+    assert eaid.load("fit.json").data.levels == (80.0, 240.0, 400.0)

@@ -418,3 +418,14 @@ def test_all_models_of_a_fit_explain_about_one_mean():
     logs = [log(t, np.repeat([0.0, u, 0.9 * u, u, 0.95 * u], 400), LAG, 0.05, f"{u:g}") for u in (20.0, 50.0, 100.0)]
     fit = fit_recorded(logs, FitOptions())
     assert fit.plant_.another and fit.plant_.tried[0].fit_pct == pytest.approx(fit.linear.fit_pct, abs=0.5)
+
+
+def test_a_binary_input_that_moves_at_every_row_has_one_level_and_no_values_between():
+    """Values of T_s(u) at 9 inputs were laid over a range of none (ValueError)."""
+    random, t = np.random.default_rng(0), np.arange(6000) * 0.01
+    u = np.where(t < 3, 0.0, 60.0 * random.integers(0, 2, len(t)))
+    fit = fit_recorded([log(t, u, REFERENCE_PLANT)], FitOptions(model=("nonlinear",)))
+    (row,) = fit.nonlinear.curves
+    assert row.Ts == pytest.approx(float(REFERENCE_PLANT.steady(60.0)), rel=0.03)
+    assert "one-input-only" in {one.code for one in fit.findings}
+    assert "input-saturates" not in {one.code for one in fit.findings}

@@ -297,3 +297,51 @@ def test_an_input_noted_late_by_a_good_part_of_the_rise_is_moved_by_all_of_it(la
     assert told["ms"] == pytest.approx(1e3 * late_s, abs=5) and fit.verdict.usable
     assert [row.tau1 for row in fit.friction_levels] == pytest.approx([0.4] * 4, rel=0.03)
     assert [row.tau2 for row in fit.friction_levels] == pytest.approx([4.0] * 4, rel=0.1)
+
+
+def sampled_apart(rate_hz: int, in_phase: bool, seed: int = 1) -> dict[str, pd.DataFrame]:
+    """Fifteen steps whose logger is slow, its clock in phase with the step, or by a part of a row off it in each."""
+    random, logs, every = np.random.default_rng(seed), {}, 1000 // rate_hz
+    t = np.arange(30_000) / 1000
+    for level, k in itertools.product((20.0, 40.0, 60.0, 80.0, 100.0), range(3)):
+        gain, pace = 1 + 0.02 * random.standard_normal(), float(np.exp(0.03 * random.standard_normal()))
+        since = np.maximum(t - 5, 0.0)
+        y = -0.04 * level * gain * (0.85 * np.expm1(-since / (0.4 * pace)) + 0.15 * np.expm1(-since / 6))
+        rows = slice(0 if in_phase else int(random.integers(0, every)), None, every)
+        noise = 0.005 * random.standard_normal(len(t[rows]))
+        duty = np.where(t >= 5, level, 0.0)
+        logs[f"u{level:g}_{k}"] = pd.DataFrame(
+            {"time_s": t[rows], "duty_pct": duty[rows], "torque_nm": y[rows] + noise}
+        )
+    return logs
+
+
+@pytest.mark.parametrize("rate_hz", [10, 20])
+def test_a_slow_logger_notes_steps_half_a_row_late_and_the_fit_takes_them_as_they_acted(rate_hz: int) -> None:
+    """τ1 of 0.4 s was 6 to 10 % short, τ2 up to 15, in intervals of half of that, without a word."""
+    off, sure = (eaid.fit(sampled_apart(rate_hz, one), model=("nonlinear",)) for one in (False, True))
+    late = {one.code: one.values for one in off.findings}["input-late"]
+    assert late["ms"] == pytest.approx(500 / rate_hz, rel=0.5) and "input-late" not in {
+        one.code for one in sure.findings
+    }
+    for fit in (off, sure):
+        for u in (40.0, 60.0, 80.0):
+            for name, true in (("Ts", 0.04 * u), ("tau1", 0.4), ("tau2", 6.0)):
+                value, low, high = fit.at(u).loc[name, ["value", "low", "high"]]
+                assert value == pytest.approx(true, rel={"Ts": 0.05, "tau1": 0.07, "tau2": 0.1}[name]), (name, u)
+                assert 0.98 * low <= true <= 1.02 * high, (name, u)
+
+
+def test_a_load_that_never_leaves_5_N_is_told_to_rest_there() -> None:
+    """Half of the levels began too far from 0 to count as steps from rest, and only a note said so."""
+    frames = {}
+    for level, k in itertools.product((20.0, 40.0, 80.0, 160.0), range(2)):
+        frame = log([(0, 4), (level, 10)])
+        frames[f"N{level:g}_{k}"] = frame.rename(columns={"duty_pct": "force_n"}).assign(
+            force_n=np.where(frame.duty_pct > 0, level, 5.0), torque_nm=frame.torque_nm + white(1400, 0.002)
+        )
+    steps = eaid.read(frames)
+    (one,) = [each for each in steps.findings if each.code == "rests-elsewhere"]
+    assert one.values["rest"] == pytest.approx(5.0) and len(steps.levels) < 4
+    rested = eaid.read(frames, rest=5.0)
+    assert len(rested.levels) == 4 and "rests-elsewhere" not in {each.code for each in rested.findings}

@@ -192,6 +192,7 @@ ROWS: dict[str, Row] = {
         RAMPS + "no step shows its time constants; fit the log as it was recorded («logs_as» recorded), or log the "
         "command",
         "moved_pct",
+        refit="--logs-as recorded",
     ),
     "idle-drifts": caution(_say_drift, "share_pct", rank=1),
     "creep-taken-off": caution(
@@ -278,6 +279,11 @@ ROWS: dict[str, Row] = {
     "level-to-level": note(
         "{steps} of {of} steps go from one level to another: each is fitted from its own start, apart from the steps "
         "from rest"
+    ),
+    "rests-elsewhere": caution(
+        "all logs begin at {rest:.3g} {unit}: {steps} of {of} steps count as steps from that level, only the others as "
+        "steps from rest; if the rig rests there, say «rest» {rest:.3g}",
+        refit="--rest {rest:.3g}",
     ),
     "shape-explains-little": caution(
         "the best of the step shapes ({shape}) explains {R2:.0%} of the output's variance only: that step by itself is "
