@@ -61,9 +61,10 @@ def by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
 
 
 def as_numbers(name: str, given: Any, most: int = 1) -> Array:
-    """An argument as numbers, of so many dimensions at most; `UsageError` where it is none."""
+    """An argument as numbers, of so many dimensions at most, spans of time in seconds; `UsageError` where it is none."""
     with contextlib.suppress(TypeError, ValueError):
-        found = np.asarray(given, dtype=np.float64)
+        plain = np.asarray(given)
+        found = plain / np.timedelta64(1, "s") if plain.dtype.kind == "m" else plain.astype(np.float64)
         if found.ndim <= most:
             return found
     raise UsageError(f"«{name}» {given!r}: give {'numbers' if most else 'a number'}")

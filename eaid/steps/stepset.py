@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 # An output that leaves its rest so many times, and rows, before its input does as the input was noted late
 EARLY_PART, EARLY_ROWS = 2.0, 3
+MOST_LEFT_OUT = 2 / 3  # Part of the runs of a set that may be left out; beyond, the fit must not be used
 
 
 def as_late(one: Finding, late_s: float, row_s: float) -> bool:
@@ -235,6 +236,8 @@ class StepSet(Shown):
                     reasons.setdefault(one.code, []).append((run.name, one))
         out = [(tuple(name for name, _ in group), say(group[0][1])) for group in reasons.values()]
         told = [finding("runs-left-out", "data", runs=names, of=len(self.runs), why=why) for names, why in out]
+        if sum(len(names) for names, _ in out) > MOST_LEFT_OUT * len(self.runs):  # what is left is no set of the rig's
+            told = [msgspec.structs.replace(one, severity="stop") for one in told]
         return ranked((*merged((*self.findings, *kept)), *told))
 
     def noted_late(self, late_s: float) -> "StepSet":

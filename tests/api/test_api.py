@@ -69,6 +69,7 @@ def test_a_fit_offers_pandas(small_fit):
     assert "usable yes, warned: " in fit.summary()
     assert "not estimable" not in eaid.fit(fit.samples.steps, ci="none").summary()
     assert fit.predict(60, 5.0).equals(fit.predict(60, [5]))
+    assert fit.predict(60, pd.to_timedelta([0.5, 5.0], unit="s")).equals(fit.predict(60, [0.5, 5.0]))
     assert len(fit.summary().splitlines()) <= 11  # eight lines and three findings
     assert "<table" in fit._repr_html_()
 

@@ -219,3 +219,15 @@ def test_a_release_that_stands_still_is_read_again(tmp_path: Path) -> None:
     frame = log([(0, 2), (50, 5), (0, 2)])
     read(frame.assign(torque_nm=frame.torque_nm.where(frame.time_s < 7, 0.0))).save(tmp_path / "data.h5")
     assert [run.edge for run in eaid.read(tmp_path / "data.h5").runs] == ["rising", "falling"]
+
+
+def test_a_fit_of_the_few_runs_that_are_left_must_not_be_used() -> None:
+    """Of a rig whose load ramps 21 of 24 runs were left out, and the other three "usable"."""
+    plain = log([(0, 4), (50, 8)])
+    since = np.maximum(np.asarray(plain.time_s) - 4, 0)
+    ramping = with_input(plain, np.where(since > 0, -50 * np.expm1(-since / 0.08), 0.0))
+    for count, severity in ((2, "caution"), (4, "stop")):
+        steps = read([*[plus(ramping, white(1200, 0.001, seed)) for seed in range(count)], log([(0, 4), (80, 8)])])
+        (one,) = [each for each in steps.all_findings if each.code == "runs-left-out"]
+        assert (len(one.values["runs"]), one.severity) == (count, severity)
+        assert severity == "caution" or not eaid.fit(steps).verdict.usable
