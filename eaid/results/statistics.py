@@ -61,7 +61,7 @@ def by_ratio(value: Array, low: Array, high: Array) -> NDArray[np.bool_]:
 
 
 def as_numbers(name: str, given: Any, most: int = 1) -> Array:
-    """An argument as numbers, of so many dimensions at most, spans of time in seconds; `UsageError` where it is none."""
+    """An argument as numbers, spans of time in seconds, of so many dimensions at most; else `UsageError`."""
     with contextlib.suppress(TypeError, ValueError):
         plain = np.asarray(given)
         found = plain / np.timedelta64(1, "s") if plain.dtype.kind == "m" else plain.astype(np.float64)
