@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from eaid.errors import DataError
@@ -68,9 +69,27 @@ def figure_of(sheet: Sheet, mark: str = "") -> Figure:
         figure.supxlabel(said, fontsize=SMALLEST_PT, fontweight="bold", color=VERMILLION)
     for axes, panel in zip(grid.flat, sheet.panels, strict=False):
         _name_ends(axes, panel)
+        if panel.legend == "above" and axes.get_title(loc="left"):
+            narrow_legend(figure, axes, panel.columns)
     for axes in grid.flat[len(sheet.panels) :]:
         axes.set_visible(False)
     return figure
+
+
+LONG_NAMES, OF_LETTER = 24, 0.08  # Letters of a legend from which it is measured; part of a panel that its letter takes
+
+
+def narrow_legend(figure: Figure, axes: Axes, columns: int) -> None:
+    """A legend above a panel in as few columns as leave the panel's letter free."""
+    legend = axes.get_legend()
+    if legend is None or sum(len(one.get_text()) for one in legend.get_texts()) < LONG_NAMES:
+        return
+    for count in range(columns, 0, -1):
+        legend = _legend_above(axes, count)
+        figure.draw_without_rendering()
+        place = axes.get_window_extent()
+        if legend.get_window_extent().x0 >= place.x0 + OF_LETTER * place.width:
+            return
 
 
 def draw_panel(axes: Axes, panel: Panel, x_label: bool = True) -> None:
@@ -107,9 +126,13 @@ def draw_panel(axes: Axes, panel: Panel, x_label: bool = True) -> None:
         said = _text(note.text)
         axes.text(note.x, note.y, said.pop("label"), transform=shares[note.of], ha=note.ha, va=note.va, **said, **box)
     if panel.legend == "above":
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=panel.columns)
+        _legend_above(axes, panel.columns)
     elif panel.legend == "beside":
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), handlelength=1.6)
+
+
+def _legend_above(axes: Axes, columns: int) -> Legend:
+    return axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns)
 
 
 def _text(said: str) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from matplotlib.text import Text
 
 import eaid
 from eaid.report.figures import CATALOGUE
+from eaid.report.panels import COLUMN_IN, Axis, Line, Panel, Sheet
 from eaid.report.paper import figure_of, look
 from eaid.report.results import gathered
 
@@ -194,3 +195,16 @@ def test_plot_of_a_fit_has_a_line_a_level_and_of_a_replay_its_reference(files):
     *traces, reference = ax.lines
     assert {line.get_label() for line in traces} == {"RC", "PI"} and reference.get_label() == "reference"
     assert np.max(reference.get_ydata()) == pytest.approx(np.max(replay.records["rc"].columns["reference_nm"]))
+
+
+@pytest.mark.parametrize("names", [("RC", "PI"), ("RC", "PI", "PI with RC's feedforward")])
+def test_names_above_a_panel_leave_its_letter_free(names):
+    """Three controllers of a sweep stood on the letter of their panel."""
+    lines = [Line([0, 1], [0, k], name, marker="o") for k, name in enumerate(names)]
+    panel = Panel(Axis("Frequency", "Hz"), Axis("Amplitude", "dB"), lines, legend="above", columns=3)
+    with look():
+        figure = figure_of(Sheet([panel, panel], 3.3, COLUMN_IN))
+        figure.canvas.draw()
+    letters = [one.get_window_extent() for one in figure.findobj(Text) if one.get_text().strip() in ("(a)", "(b)")]
+    shown = [axes.get_legend().get_window_extent() for axes in figure.axes]
+    assert len(letters) == 2 and not any(one.overlaps(other) for one in letters for other in shown)
