@@ -38,7 +38,8 @@ WIDEST_HALF = 1e6  # Half-width beyond which there is no interval
 
 
 def list_tests(setup: Setup, stepwise: bool, free: bool) -> tuple[str, ...]:
-    """Which of the three the inputs can tell: one that moves and is not free, but a loop's, tells none in between."""
+    """Which of the three the inputs can tell: one that moves and is not free, but a loop's, tells none in between, and
+    falls to rest that go as the input that was left have none of their own."""
     rests = falls = 0
     for drive in setup.drives:
         level = drive.duty[drive.which]
@@ -46,14 +47,13 @@ def list_tests(setup: Setup, stepwise: bool, free: bool) -> tuple[str, ...]:
         rests += any(int((level[at + 1 :] == 0).argmin() or len(level) - at - 1) >= 8 for at in fell)
         falls += int(((level[1:] < level[:-1]) & (level[1:] >= setup.model.low)).sum())
     of_falls = ("fall", *("excess",) * bool(stepwise)) if falls >= 2 and (stepwise or free) else ()
-    return (*("rest",) * bool(rests), *of_falls)
+    return (*("rest",) * (bool(rests) and not setup.falls_as_left), *of_falls)
 
 
 def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
     """Test all that the inputs can tell together, then fit again with those that differ: they are its extras. Where
     levels are held, with T_s of each: falls imitate what a curve through them misses."""
     names = list_tests(base.setup, inputs.stepwise, free)
-    names = tuple(name for name in names if name != "rest" or not base.setup.falls_as_left)
     judgements: dict[str, Judged] = {}
     if names:
         model, by_levels = base.setup.model, base
