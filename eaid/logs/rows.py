@@ -67,7 +67,7 @@ def checked(
         raise DataError(*faults)
     if not few:
         most = f"{dropped} of {count} rows are bad, more than «repair» drops (1 % of a log)"
-        raise DataError(f"{source}: {most}; record it again", *faults)
+        raise DataError(f"{source}: {most}; record it again, or cut them out of the file, whose gap is told", *faults)
     return np.flatnonzero(~bad)
 
 
