@@ -21,8 +21,8 @@ from eaid.logs.formats import ForeignReader, format_of
 from eaid.logs.names import agreeing, level_and_repeat, named_like, pattern_guessed, several_factors, unit_beside
 from eaid.logs.read import columns_told, read_like, read_what_can_be
 from eaid.logs.run import Run
-from eaid.logs.to_run import DRIVING, without_switches
-from eaid.logs.units import TIME_FACTORS, split_name, unit_of
+from eaid.logs.to_run import without_switches
+from eaid.logs.units import TIME_FACTORS, may_drive, split_name
 from eaid.options import ReadOptions, typed
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
@@ -127,7 +127,7 @@ def _input_left(blind: Sequence[Run], pattern: bool, named: bool, first: Path, o
 def drives(runs: Sequence[Run], column: str) -> bool:
     """Whether a column that leaves its rest in most runs may be their input, by its unit."""
     moved = [run for run in runs if column in {name for name, _ in run.moves}]
-    return unit_of(split_name(column)[1]).quantity in DRIVING and 2 * len(moved) > len(runs)
+    return may_drive(split_name(column)[1]) and 2 * len(moved) > len(runs)
 
 
 def _columns_of(file: Path, options: ReadOptions) -> dict[str, str]:

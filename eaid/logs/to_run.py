@@ -20,16 +20,7 @@ from eaid.logs.names import level_and_repeat, unit_beside
 from eaid.logs.rows import checked
 from eaid.logs.run import Beside, Run
 from eaid.logs.table import Cells, LogTable, plain
-from eaid.logs.units import (
-    LINEAR_SPEED,
-    UNKNOWN,
-    Scale,
-    numbers_samples,
-    scale_of,
-    split_name,
-    unit_of,
-    words_of,
-)
+from eaid.logs.units import UNKNOWN, Scale, may_drive, numbers_samples, scale_of, split_name, unit_of, words_of
 from eaid.options import ExperimentKind, ReadOptions
 
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
@@ -39,7 +30,6 @@ TOO_COARSE = 0.2  # Part of the stamps that repeat the one before, from which th
 # Of an input of alternating sign: part by which its size may be off the level, part of the rows that are at it or at
 # rest, turns, changes of its size for each of these, and correlations of the output with it and with its size
 SEEN_ALIKE, ALTERNATES, FEWEST_TURNS, HELD_PART, GOES_WITH = 0.02, 0.95, 10, 0.25, (0.2, 0.5)
-DRIVING = {"duty", "voltage", "current", "force", "pressure", "speed"}  # Quantities that an input may be of
 MOST_OTHERS = 8  # Columns that are not read up to which they are looked at
 
 
@@ -65,25 +55,28 @@ def _input_of(table: LogTable, roles: Roles) -> tuple[ExperimentKind | None, int
     if not roles.inputs:
         return None, None
     first = roles.inputs[0]
+
+    def moves(column: int) -> bool:
+        return _moves(_loaded(table, [column])[1][column])
+
     # a duty that moves is it, beside whatever speed and force
-    if len(roles.inputs) == 1 or (first[0] == "clutch" and _moves(table, first[1])):
+    if len(roles.inputs) == 1 or (first[0] == "clutch" and moves(first[1])):
         return first
-    moving = [one for one in roles.inputs if _moves(table, one[1])]
+    moving = [one for one in roles.inputs if moves(one[1])]
     if len(moving) == 1 or first[0] == "clutch":
         return moving[0] if len(moving) == 1 else first
     kinds = " and ".join(kind for kind, _ in roles.inputs)
     raise table.fault(f"may be {kinds}, as it has a column of each; say which with «kind»")
 
 
-def refuse_still(table: LogTable, roles: Roles, which: int) -> None:
-    """Refuse an input found by its name that stands still while another column steps that may be one by its unit."""
-    if roles.position is not None or _moves(table, which):  # what is cut at the turns of a position is held
+def refuse_still(table: LogTable, roles: Roles, which: int, values: NDArray[Any]) -> None:
+    """Refuse an input found by its name, (n,), that stands still while another column steps that drives by its unit."""
+    if roles.position is not None or _moves(values):  # what is cut at the turns of a position is held
         return
     taken = {which, roles.time, roles.output, roles.reference, roles.position}
-    for column in (i for i in range(len(table.columns)) if i not in taken):
-        unit = table.unit(column) or split_name(table.columns[column])[1]
-        drives = unit_of(unit).quantity in DRIVING or LINEAR_SPEED.match(unit)
-        if drives and moves_in_steps(_loaded(table, [column])[1][column]):
+    units = {i: table.unit(i) or split_name(name)[1] for i, name in enumerate(table.columns) if i not in taken}
+    for column in (i for i, unit in units.items() if may_drive(unit)):
+        if moves_in_steps(_loaded(table, [column])[1][column]):
             still, other = table.label(which), table.label(column)
             raise table.fault(
                 f'{still} stands still, and {other} steps; say which is the input with «columns» input="{other}", '
@@ -91,8 +84,7 @@ def refuse_still(table: LogTable, roles: Roles, which: int) -> None:
             )
 
 
-def _moves(table: LogTable, column: int) -> bool:
-    values = _loaded(table, [column])[1][column]
+def _moves(values: NDArray[Any]) -> bool:
     kept = values[np.isfinite(values)]
     return bool(len(kept)) and bool(np.ptp(kept) > 0.2 * np.abs(kept).max())
 
@@ -107,12 +99,12 @@ def run_of(name: str, sha256: str, tables: Sequence[LogTable], options: ReadOpti
         folder = Path(source).resolve().parent.name
         level, repeat = level_and_repeat(source, options.name_pattern, f"{folder}-{file or name}")
     kind, which = _input_of(table, roles)
-    if which is not None and "input" not in options.columns:
-        refuse_still(table, roles, which)
     if which is None and options.name_pattern is not None and level is None:
         raise table.fault("its name does not match «name_pattern»; rename it or mend the pattern")
 
     cells, columns = _loaded(table, [roles.output, clock, roles.reference, roles.position, which])
+    if which is not None and "input" not in options.columns:
+        refuse_still(table, roles, which, columns[which])
     raw_time = np.arange(len(columns[roles.output])) if clock is None else columns[clock]
     by_user, by_column = unit_of_time(table, roles, clock, raw_time, options)
     used = [column for column in (which, roles.output, roles.position) if column is not None]

@@ -75,6 +75,7 @@ COUNTERS = {"sample", "samples", "index", "idx", "count", "counter", "frame", "r
 _BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
 _INDEXED = re.compile(r"\S\[\d+\]$|[\[({]\s*(?:\d\d+|[02-9])\s*[\])}]$")  # ai0[1], Torque (2); `duty [1]` is a unit
 _RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
+DRIVING = {"duty", "voltage", "current", "force", "pressure", "speed"}  # Quantities that an input may be of
 LINEAR_SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
 _SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
 _CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
@@ -83,6 +84,11 @@ _TIMES_A_NUMBER = re.compile(
     re.IGNORECASE,
 )
 _NUMBER_OF_UNITS = re.compile(r"\d[\d.]*(?:e[-+]?\d+)?\s*[a-zA-Zµμ%]")
+
+
+def may_drive(unit: str) -> bool:
+    """Whether what is in a unit may be an input; one along a line, as of a sliding speed, too."""
+    return unit_of(unit).quantity in DRIVING or LINEAR_SPEED.match(unit) is not None
 
 
 def unit_of(text: str) -> Unit:

@@ -114,8 +114,7 @@ def _judged_value(
 
 def _line_without_step(run: Run) -> str:
     """What a log holds that no step from rest is in."""
-    low, high = (f"{end(run.input):.3g}" for end in (np.min, np.max))
-    inputs = f"{low} … {high} {run.input_unit}".rstrip() if run.has_input else "no input"
+    inputs = f"{run.input.min():.3g} … {run.input.max():.3g} {run.input_unit}".rstrip() if run.has_input else "no input"
     outputs = f"{run.output.min():.3g} … {run.output.max():.3g} {run.output_unit}".rstrip()
     return (
         f"{run.where}: {run.time_s[-1] - run.time_s[0]:.3g} s, {inputs}, {outputs}; not a step from rest, for which "

@@ -8,7 +8,8 @@ mean, each weighed by how sharply its output leaves rest: (change/(τ1 · RMSE))
 Where none is found so, the rises are extrapolated to their start: of every run y = A (1 − e^(−(t − θ)/τ)) is fitted to
 the rows between 10 and 40 % of its held output, and θ is the mean of all, weighed by (A/(τ · RMSE))². One of half a row
 and a hundredth of τ or more that the runs' scatter does not explain is taken where most steps are explained as well
-behind it.
+behind it. An input that is sampled is noted half a row late in the mean, where the sampler does not drive it: where a
+row is a good part of the rise, a start of a quarter of a row and more before the input is taken so, too.
 
 Noise hides both. Where the mean curves of the levels tell of a dead time beyond their noise, or the rises' starts do,
 and two exponentials leave nothing but noise of these curves, θ is that of their least sum of squares, and each run
