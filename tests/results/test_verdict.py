@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 import eaid
-from eaid.findings import finding
+from eaid.findings import finding, say
 
 T = np.arange(0.0, 18.0, 0.02)
 LEVELS = (20.0, 40.0, 60.0, 80.0, 100.0)
@@ -72,6 +72,13 @@ def test_what_fails_in_a_model_and_what_does_not(sound):
         assert reason.code == code and not fit.verdict.usable
         other = "nonlinear" if reason.subject == "linear" else "linear"
         assert fit.verdict.of(other).usable and not fit.verdict.of(reason.subject).usable
+
+
+def test_a_gain_that_is_below_0_for_certain_is_said_to_be_that(sound):
+    """A log whose input and output were exchanged: "anywhere between -374 and -374; record more levels"."""
+    below = changed(sound, "linear", ci95=msgspec.structs.replace(sound.linear.ci95, b0=(-374.04, -374.01)))
+    (reason,) = below.verdict.reasons
+    assert "is below 0 (-374 … -374): more input gives less output; look for a log whose columns" in say(reason)
 
 
 def test_a_plant_that_explains_no_level_or_not_its_own_logs_is_not_usable(sound):

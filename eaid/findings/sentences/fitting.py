@@ -124,8 +124,13 @@ ROWS: dict[str, Row] = {
         "the data leave T_s open {at} by a factor of a hundred or more; record from rest, hold the levels for longer"
     ),
     "linear-parameter-unknown": stop(
-        "{parameter} of the linear model may lie anywhere between {low:.3g} and {high:.3g}; record more levels, held "
-        "for longer"
+        lambda v: (
+            f"{v['parameter']} of the linear model may lie anywhere between {v['low']:.3g} and {v['high']:.3g}; record "
+            "more levels, held for longer"
+            if v["high"] > 0
+            else f"{v['parameter']} of the linear model is below 0 ({v['low']:.4g} … {v['high']:.4g}): more input "
+            "gives less output; look for a log whose columns are exchanged, or whose sign is turned"
+        )
     ),
     "no-step-has-a-shape": stop(
         "no single step has the shape of a step response: look at the plot for several steps, a closed loop or a "
