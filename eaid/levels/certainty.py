@@ -123,10 +123,12 @@ class Estimate:
         data = self.solved.steps.data
         if data.creep is None:
             return np.zeros((0, take.shape[2]))
+        points = data.points
         since_s = np.array([[data.creep.of_levels[u]] for u in data.u.tolist()])
-        ramp = data.points.w * data.creep.error * (data.points.t_s + since_s)
-        rows = enumerate(zip(data.points.t_s, ramp, strict=True))
-        along = np.array([data.points.step_slopes(at.theta, i, t) @ w for i, (t, w) in rows])
+        size = points.y if data.creep.in_proportion else 1.0
+        ramp = points.w * data.creep.error * size * (points.t_s + since_s)
+        rows = enumerate(zip(points.t_s, ramp, strict=True))
+        along = np.array([points.step_slopes(at.theta, i, t) @ w for i, (t, w) in rows])
         return np.asarray(np.einsum("l,lk,lkm->m", self.solved.steps.weight, along, take))[None]
 
     def _of_tails(self, at: Normal, take: Array) -> Array:

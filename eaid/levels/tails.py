@@ -140,7 +140,7 @@ def data_on_tails(levels: Sequence[Level], tails: Tails, moved: Sequence[Tails] 
 def as_fitted(stepset: StepSet, fit: Fit) -> StepSet:
     """Steps without the creep, and the tails, that their fit is without."""
     if (creep := fit.data.creep) is not None:
-        stepset = stepset.without_creep(creep.rate, creep.t0_s)
+        stepset = stepset.without_creep(creep.rate, creep.t0_s, creep.in_proportion)
     return take_off_tails(stepset, fit.plant, find_tails(fit.plant, stepset)) if fit.on_tails else stepset
 
 

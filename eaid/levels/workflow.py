@@ -24,6 +24,7 @@ from eaid.levels.certainty import Estimate, estimate_levels_first
 from eaid.levels.creep import find_share_and_creep
 from eaid.levels.drive_limit import flat_levels, limit_at, limit_explains_as_well
 from eaid.levels.each_level import OwnLevels, own_levels
+from eaid.levels.fade import find_fade
 from eaid.levels.friction import friction_part, quote_each, white_ends
 from eaid.levels.from_steps import fit_levels_first, fit_nonlinear, refit_nonlinear
 from eaid.levels.jitter import Starts, find_starts_apart, lay_in_step
@@ -50,7 +51,7 @@ from eaid.results.plant import FittedPlant, PlantIntervals, with_release
 from eaid.results.verdict import judged
 from eaid.shapes.delay import Begin, cut_behind, dead_time_of
 from eaid.shapes.each_step import between_rows, fit_another_shape, fit_single_steps
-from eaid.steps.stepset import Level, StepSet
+from eaid.steps.stepset import Creep, Level, StepSet
 
 LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cube is still a number
 # Findings that no creep leaves behind it
@@ -215,21 +216,30 @@ def _fit_beside(
     decays = "output-decays-under-hold" in codes
     unheld = options.share == SHARE and options.estimator != "joint"  # that is the paper's own fit
     single = all(len(level.runs) == 1 for level in stepset.levels)  # which do not say what C they ask for
-    asked = unheld and "rise-of-the-rig" not in codes and share is not None and (share.rejected or decays or single)
     so_far = stepset, result
-    if share is None or result.nonlinear is None or not asked:
+    if share is None or not unheld or "rise-of-the-rig" in codes:
         return so_far
-    free, creep = find_share_and_creep(stepset, share, SHARE)
-    if creep is None and (decays or not free):
+    asked = share.rejected or decays or single
+    if not asked and "repeats-miss-alike" not in codes:
         return so_far
+    of_clutch = asked and result.nonlinear is not None
+    free, creep = find_share_and_creep(stepset, share, SHARE) if of_clutch else (False, None)
+    fade, surely = find_fade(stepset, SHARE, creep)
     told = list[Finding]()
+    if fade is not None:
+        free, creep = (False, fade) if surely else (free, None)
+        told = [] if surely or decays else [_tell_creep(fade, result.data, "fade-possible")]
+    if creep is None and (decays or not free):
+        return stepset, msgspec.structs.replace(result, findings=(*result.findings, *told))
     if creep is not None:
-        recorded = replace(recorded.without_creep(creep.rate, creep.t0_s), creep=creep)
-        low, high, unit = creep.rate - creep.half, creep.rate + creep.half, result.data.output_unit
-        told.append(finding("creep-taken-off", "data", rate=creep.rate, low=low, high=high, unit=unit))
+        recorded = replace(recorded.without_creep(creep.rate, creep.t0_s, creep.in_proportion), creep=creep)
+        told.append(_tell_creep(creep, result.data))
     options = replace(options, share="free") if free else options
     stepset, result, _ = _fit_without_tails(recorded, options, progress, result)
-    if creep is not None and any(one.code in WRONG_FORM for one in result.findings):
+    wrong = {one.code for one in result.findings}.intersection(WRONG_FORM)
+    if creep is not None and creep.in_proportion:  # which bends no curve over the levels
+        wrong -= codes - {"output-decays-under-hold"}
+    if creep is not None and wrong:
         return so_far  # it is of the form that is wrong, as that of a plant which rings
     if free and result.nonlinear is not None:
         C, known = result.nonlinear.C, result.nonlinear.ci95
@@ -237,6 +247,16 @@ def _fit_beside(
         told.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=C, low=low, high=high))
     told += [one for one in result.findings if one.code != "share-free"]
     return stepset, msgspec.structs.replace(result, findings=tuple(told))
+
+
+def _tell_creep(creep: Creep, data: FittedData, fades: str = "fade-taken-off") -> Finding:
+    """That it was taken off, or of one in proportion what `fades` says."""
+    rate, low, high = creep.rate, creep.rate - creep.half, creep.rate + creep.half
+    if not creep.in_proportion:
+        return finding("creep-taken-off", "data", rate=rate, low=low, high=high, unit=data.output_unit)
+    hold_s = max(data.record_s)
+    pct, least, most = (-100 * hold_s * one for one in (rate, high, low))
+    return finding(fades, "data", pct=pct, low=least, high=most, hold_s=hold_s)
 
 
 def _fit_levels(
@@ -400,7 +420,7 @@ def data_of_steps(stepset: StepSet) -> FittedData:
     creep = stepset.creep
     ends = (0.0, 0.0) if creep is None else (creep.rate - creep.half, creep.rate + creep.half)
     return FittedData(
-        creep=None if creep is None else CreepFound(creep.rate, ends, creep.t0_s),
+        creep=None if creep is None else CreepFound(creep.rate, ends, creep.t0_s, creep.in_proportion),
         kind=stepset.kind,  # type: ignore[arg-type]  # one of the three
         input_unit=stepset.input_unit,
         output_unit=stepset.output_unit,

@@ -100,11 +100,16 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
 
 
 def without_creep(run: Run, fit: Fit) -> Run:
-    """A log of a fit's steps without the creep of its output that the fit is without; 0 amid its idle time."""
-    step_s = next((one.step_s for one in fit.data.sources if (one.sha256, one.run) == (run.sha256, run.name)), None)
-    if (creep := fit.data.creep) is None or step_s is None:
+    """A log of a fit's steps without the creep of its output that the fit is without; 0 amid its idle time, one in
+    proportion up to its step, and that of the end of the hold behind it."""
+    source = next((one for one in fit.data.sources if (one.sha256, one.run) == (run.sha256, run.name)), None)
+    if (creep := fit.data.creep) is None or source is None or source.step_s is None:
         return run
-    return replace(run, output=read_only(run.output - creep.rate * (run.time_s - step_s + creep.t0_s)))
+    since_s = run.time_s - source.step_s
+    if not creep.in_proportion:
+        return replace(run, output=read_only(run.output - creep.rate * (since_s + creep.t0_s)))
+    idle, held_s = source.baseline_nm or 0.0, np.clip(since_s, 0.0, max(fit.data.record_s))
+    return replace(run, output=read_only(idle + (run.output - idle) / (1 + creep.rate * held_s)))
 
 
 def of_own_logs(fit: Fit, logs: Sequence[Run]) -> tuple[LogReplayed, ...]:

@@ -396,13 +396,15 @@ class StepShape(Result, frozen=True):
 
 
 class CreepFound(Result, frozen=True):
-    """A creep of the output beside its response, alike in all runs, which the fit is without."""
+    """A creep of the output beside its response, or in proportion to it, of all runs, which the fit is without."""
 
     rate: Number = 0.0
-    """[output/s]"""
+    """[output/s]; in proportion, [1/s]"""
     ci95: Interval = None
     t0_s: Number = 0.0
     """How long before a step it is 0: in the middle of the idle time [s]."""
+    in_proportion: bool = False
+    """The response itself grows, or fades, while it is held: y(t) = f(t) (1 + rate · t)."""
 
 
 class FittedData(Result, frozen=True):

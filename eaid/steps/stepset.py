@@ -121,13 +121,14 @@ class LevelStep:
 
 @dataclass(frozen=True)
 class Creep:
-    """A rate at which the output of all runs creeps beside their response."""
+    """A rate at which the output of all runs creeps beside their response, or in proportion to it."""
 
-    rate: float  # [output/s]
+    rate: float  # [output/s]; in proportion, [1/s]
     error: float  # Its standard error
     half: float  # Half-width of its 95 % interval
     t0_s: float  # From the middle of the idle time, whose mean is taken off, to the step; of most runs
     of_levels: Mapping[float, float]  # The same in the mean of each level's runs
+    in_proportion: bool = False
 
 
 @dataclass(frozen=True)
@@ -258,16 +259,20 @@ class StepSet(Shown):
         known = [rests.get((level.level, name)) for name in level.names]
         return np.array([unknown_s if one is None else 0.5 * one for one in known])
 
-    def without_creep(self, rate: float, t0_s: float) -> "StepSet":
-        """The set without a creep of its output beside the response, of so much a second, from the middle of the rest
-        that each run is counted from on; from so long before its step where that is not known."""
+    def without_creep(self, rate: float, t0_s: float, in_proportion: bool = False) -> "StepSet":
+        """The set without a creep of its output beside the response, from the middle of the rest that each run is
+        counted from on, so long before its step where that is not known; or without one in proportion to it, from the
+        step to the end of the hold."""
         ended_s = {level.level: float(level.time_s[-1]) for level in self.levels}  # where their releases begin
 
-        def off(one: Level, since_s: Array | float) -> Level:
+        def off(one: Level, since_s: Array | float, held_s: Array | float) -> Level:
+            if in_proportion:
+                return replace(one, runs=one.runs / (1 + rate * held_s))
             return replace(one, runs=one.runs - rate * (one.time_s + np.reshape(since_s, (-1, 1))))
 
-        levels = tuple(off(one, self.middles_s(one, t0_s)) for one in self.levels)
-        releases = tuple(off(one, t0_s + ended_s.get(one.level, 0.0)) for one in self.releases)
+        levels = tuple(off(one, self.middles_s(one, t0_s), one.time_s) for one in self.levels)
+        after = ((one, ended_s.get(one.level, 0.0)) for one in self.releases)
+        releases = tuple(off(one, t0_s + held_s, held_s) for one, held_s in after)
         return replace(self, levels=levels, releases=releases, findings=self._told_of_no_creep)
 
     @property

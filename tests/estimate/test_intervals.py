@@ -181,7 +181,7 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
 
 def test_overshoot_under_hold_is_named() -> None:
     made = steps([Step(1.0 + i, 0.1, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
-    bent = tuple(replace(one, runs=one.runs * (1 - 0.02 * one.time_s)) for one in made.levels)
+    bent = tuple(replace(one, runs=one.runs * (0.8 + 0.2 * np.exp(-one.time_s / 1.5))) for one in made.levels)
     sure = eaid.fit(replace(made, levels=bent), model=("friction",))
     (one,) = [one for one in sure.findings if one.code == "output-decays-under-hold"]
     assert len(one.levels) == 4 == one.values["of"] and one.severity == "caution"
