@@ -89,6 +89,11 @@ class Estimate:
         return self.solved.residuals(data)
 
     @property
+    def all_single(self) -> bool:
+        """Whether no level has repeats."""
+        return bool((self.scatter.repeats == 1).all())
+
+    @property
     def by_levels(self) -> bool:
         """Whether levels of a single run show their scatter in their distance to the estimate."""
         return len(self.levels) - self.Ts_terms >= LEVELS_TO_SPARE
@@ -108,7 +113,7 @@ class Estimate:
         L, p, weight = len(self.levels), len(self.solved.x), self.solved.steps.weight
         take, every = self.take, weight[:, None, None]
         gain, back = gains_of(every * at.information, every * self.along(at.theta), take, self.blocked)
-        alone = of_levels is None and bool((self.scatter.repeats == 1).all())
+        alone = of_levels is None and self.all_single
         singles = self._singles(at) if alone else np.zeros((0, L + p))
         singles = np.concatenate([singles, self._of_creep(at, take), self._of_tails(at, take)]) @ back
         if alone and not self.by_levels:  # nothing shows how runs scatter
@@ -261,7 +266,7 @@ class Estimate:
     def leaves_slow_part(self, high: Array) -> bool:
         """Whether single runs of few levels, whose noise is coloured and whose scatter nothing shows, have a τ2 of most
         levels up to more than a part of the record: ln τ2 reaches up to `high`, (L,)."""
-        if self.by_levels or (self.scatter.repeats > 1).any():
+        if self.by_levels or not self.all_single:
             return False
         curves = [one.mean - J[:, 0] for one, J in zip(self.levels, self.scatter.jacobians, strict=True)]
         coloured = any(map(is_coloured, curves))
@@ -273,7 +278,7 @@ class Estimate:
 
         Of levels of a single run that of the curve through them.
         """
-        if (self.scatter.repeats > 1).any():
+        if not self.all_single:
             return np.asarray(t_quantile(self.scatter.degrees) * np.sqrt(self.gain_scatter.expected[:, 0]))
         assert self.model.Ts is not None
         follows = self.model.Ts.rows(self.solved.steps.data.u) @ self.curve.gains
@@ -345,14 +350,15 @@ class Estimate:
     @cached_property
     def influence(self) -> Influence:
         """How the coefficients answer to the runs, single ones by their scatter about T_s(u)."""
-        whole = self.of_levels.of(self.answers)
-        apart, spread = np.zeros((len(self.levels), self.model.size)), self.curve.variance
+        by_runs = self.of_levels.of(self.answers)
         if self.level_scatter > NO_SCATTER:
-            spread = (self.level_scatter * self.solved.at.theta[0]) ** 2
-        elif not ((self.scatter.repeats == 1).all() and self.by_levels):
-            return whole
-        apart[:, : self.Ts_terms] = (self.curve.gains * np.sqrt(spread)).T
-        return replace(whole, singles=np.concatenate([whole.singles, apart]))
+            of_Ts = self.level_scatter * self.solved.at.theta[0]  # each level's own distance to the curve, (L,)
+        elif self.all_single and self.by_levels:
+            of_Ts = np.sqrt(self.curve.variance)
+        else:
+            return by_runs
+        apart = np.pad((self.curve.gains * of_Ts).T, ((0, 0), (0, self.model.size - self.Ts_terms)))
+        return replace(by_runs, singles=np.concatenate([by_runs.singles, apart]))
 
     def curve_half_width(self) -> Array:
         """Half-width of ln T_s(u) at the levels, as far as the curve answers to the runs straight, (L,)."""
@@ -385,7 +391,7 @@ class Estimate:
         variance, degrees = (v.reshape(3, -1) for v in influence.of(slopes.reshape(-1, self.model.size)).variance())
         reach = t_quantile(degrees) * np.sqrt(variance)
         low, high = value - reach, value + reach
-        if scatter is None and (self.scatter.repeats == 1).all() and not self.by_levels:
+        if scatter is None and self.all_single and not self.by_levels:
             return low, high, degrees
         covariance = influence.covariance()
         for i in np.flatnonzero((reach[2] > CURVED) & np.isfinite(reach[2])).tolist():

@@ -1,5 +1,6 @@
 """Runs → the step set that is fitted: cut, sorted by level, repeats averaged, with findings on warnings."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -11,7 +12,16 @@ from eaid.findings import Finding, finding, stops
 from eaid.logs.read import PLAIN
 from eaid.logs.run import Run
 from eaid.options import ExperimentKind, ReadOptions, typed
-from eaid.steps.checks import CHECKS, OF_RESTS, broken_off, coarse, creeping, disagreements, idle_slope
+from eaid.steps.checks import (
+    CHECKS,
+    OF_RESTS,
+    broken_off,
+    coarse,
+    creeping,
+    disagreements,
+    idle_at_limit,
+    idle_slope,
+)
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density
@@ -121,6 +131,7 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
     for name in of_runs:
         of_runs[name] += _of_subject(odd, name)
     findings = [*_of_subject([*of_signs, *odd], "data"), *creeping(rises)]
+    findings += idle_at_limit(rises, itertools.chain.from_iterable(of_runs.values()))
     findings += fraction if levels and levels[-1].level <= 1 else ()
     if stairs := sum(run.from_level != 0 for run in runs):
         findings.append(finding("level-to-level", "data", steps=stairs, of=len(runs)))

@@ -4,7 +4,7 @@ Levels of torque are compared by means of blocks, so that noise and rotor ripple
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -41,6 +41,8 @@ BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the nu
 COARSE_STEPS, DITHERED, STILL_PART = 25, 0.3, 0.25
 FEWEST_CREEPS, CREEP_ERRORS, CREEP_PCT = 4, 6.0, 2.0  # Rises, standard errors of their slope, % of the least in a hold
 FLAT = 0.4  # Sharpness from which a rise is cut off and not settling
+AT_NOISE = 5.0  # Deviations of an output's noise within which it comes to a limit as it does by chance
+FEW_SLOPES = 8  # Slopes of a held output that tell how noise scatters one
 OVER_TOP = 0.01  # Part of a flat top beyond which it is none
 CREEP = 0.002  # Share of its top by which a flat one may still creep over its last quarter
 SMOOTH_BLOCKS, SOON_BLOCKS = 400, 40
@@ -65,7 +67,7 @@ def saturated(step: Cut) -> Finding | None:
     output = step.run.output
     moves = np.abs(np.diff(output))
     finest = float(moves[moves > 0].min()) if (moves > 0).any() else 0.0
-    exactly = 0
+    end, exactly = float(output.max() if step.sign > 0 else output.min()), 0
     for limit in (float(output.max()), float(output.min())):
         at = output == limit
         starts, stops = stretches(at)
@@ -74,16 +76,27 @@ def saturated(step: Cut) -> Finding | None:
         entry = int(starts[0])
         if len(starts) == 1 and stops[0] <= step.start and entry > 0:
             continue  # a sensor that dropped out in the idle time: stuck
-        exactly = int(at.sum())
-        # a settled or idle output is approached by its finest step
-        if abs(limit - float(output[max(0, entry - 3)])) > max(20 * finest, 1e-3 * float(np.ptp(output))):
-            return finding("saturated", step.run.name, samples=exactly, limit=limit, unit=step.unit)
+        # a settled or idle output is approached by its finest step, or within its noise
+        jump = abs(limit - float(output[max(0, entry - 3)]))
+        if jump > max(20 * finest, 1e-3 * float(np.ptp(output)), AT_NOISE * sample_noise(output)):
+            return finding("saturated", step.run.name, samples=int(at.sum()), limit=limit, unit=step.unit)
+        exactly = int(at.sum()) if limit == end else exactly
     top = _flat_top(step) if step.run.edge == "rising" else None
     if top is None:
         return None
     if exactly:
         return finding("saturated", step.run.name, samples=exactly, limit=top, unit=step.unit)
     return finding("flat-topped", step.run.name, step.levels, limit=top, unit=step.unit)
+
+
+def idle_at_limit(rises: Sequence[Cut], stopped: Iterable[Finding]) -> list[Finding]:
+    """Said where most idle outputs stand, to the last digit, where other runs saturate: where they are behind
+    it is not known."""
+    limits = [one.values["limit"] for one in stopped if one.code == "saturated"]
+    standing = [float(one.run.output[0]) for one in rises if one.start > 1 and np.ptp(one.run.output[: one.start]) == 0]
+    if 2 * len(standing) <= len(rises) or len(set(standing)) > 1 or standing[0] not in limits:
+        return []
+    return [finding("idle-at-limit", "data", limit=standing[0], unit=rises[0].unit)]
 
 
 def _flat_top(step: Cut) -> float | None:
@@ -126,7 +139,22 @@ def sharpness(step: Cut, ceiling: float) -> float:
     noise = max(sample_noise(step.rise) / np.sqrt(count / len(means)), block_noise(means[::3]))
     error = noise * at / ceiling / np.sqrt(few * (few + 1) * (few + 2) / 12)
     times, near_top = block_means(step.time_s[:count], SMOOTH_BLOCKS), slice(at - few, at + 1)
-    return fit_line(times[near_top], means[near_top]).slope * float(times[at]) / ceiling - 3 * float(error)
+    per_slope = float(times[at]) / ceiling
+    error = max(
+        float(error), per_slope * slope_noise(step.rise[len(step.rise) // 2 :], count // len(means), times[near_top])
+    )
+    return fit_line(times[near_top], means[near_top]).slope * per_slope - 3 * error
+
+
+def slope_noise(held: Array, rows: int, times_s: Array) -> float:
+    """Root mean square of the slopes of a held output, of as many means of so many rows as there are times: what noise
+    that lasts makes of one. 0 where it is too short to tell."""
+    count = len(held) // (rows * len(times_s))
+    if count < FEW_SLOPES:
+        return 0.0
+    means = held[: count * rows * len(times_s)].reshape(count, len(times_s), rows).mean(axis=2)
+    x = times_s - times_s.mean()
+    return float(np.sqrt(np.mean((means @ x / (x @ x)) ** 2)))
 
 
 def stuck(step: Cut) -> Finding | None:
@@ -191,10 +219,12 @@ def bridged(step: Cut) -> Run:
     No row is taken out: the first behind a step would take its instant away.
     """
     run, output, most = step.run, step.run.output, MOST_BRIDGED * len(step.run.output)
-    rows = out = np.empty(0, dtype=np.intp)
-    while out is rows or (len(out) and len(rows) <= most):  # behind the largest there may be smaller ones
+    rows = np.empty(0, dtype=np.intp)
+    while len(rows) <= most:  # behind the largest there may be smaller ones
         now = type(step)(replace(run, output=output))
         out = now.start + far_out(now if now.rise.mean() >= 0 else replace(now, sign=-1.0))
+        if not len(out):
+            break
         rows = np.union1d(rows, out)
         keep = np.delete(np.arange(len(output)), rows)
         output = read_only(np.interp(run.time_s, run.time_s[keep], run.output[keep]))
@@ -423,8 +453,8 @@ def _several_edges(step: Cut) -> Finding | None:
 
 # The checks of one run, by its edge: each gives a finding or nothing
 CHECKS: dict[str, tuple[Callable[[Cut], Finding | None], ...]] = {
-    "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, ramp, _drift, _not_idle, saturated, stuck,
-               copied, isolated_spikes, _several_edges),
+    "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, ramp, _drift, _not_idle, saturated,
+               stuck, copied, isolated_spikes, _several_edges),
     "falling": (_negative, _glitch, _gap, _gap_at_step, ramp, saturated, stuck, copied, isolated_spikes,
                 _left_after_release),
 }  # fmt: skip
@@ -480,12 +510,12 @@ def disagreements(levels: Sequence[Level], unit: str) -> list[Finding]:
     degrees, count = sum(len(off) - 1 for _, off in known), sum(len(off) for _, off in known)
     found = []
     for level, off in known:
-        others = len(off) / (len(off) - 1)
+        by_others = len(off) / (len(off) - 1)  # off the mean of the others, over off the mean of all
         for name, one in zip(level.names, off.tolist(), strict=True):
-            left = max(squares - one**2 * others, 0.0) / max(degrees - 1, 1)
-            limit = float(stdtrit(degrees - 1, 1 - ODD / 2 / count)) * np.sqrt(left * others) if degrees > 1 else FEW
-            if abs(one) * others > max(limit, DISAGREE):
-                values = {"own_pct": 100 * one * others, "spread_pct": 100 * float(np.ptp(off)), "unit": unit}
+            left = max(squares - one**2 * by_others, 0.0) / max(degrees - 1, 1)
+            limit = float(stdtrit(degrees - 1, 1 - ODD / 2 / count)) * np.sqrt(left * by_others) if degrees > 1 else FEW
+            if abs(one) * by_others > max(limit, DISAGREE):
+                values = {"own_pct": 100 * one * by_others, "spread_pct": 100 * float(np.ptp(off)), "unit": unit}
                 found.append(finding("repeats-disagree", name, [level.level], **values))
     sd = float(np.sqrt(squares / max(degrees, 1)))
     if sd > SCATTERS and not found:

@@ -403,3 +403,29 @@ def test_a_coarse_sensor_that_goes_to_and_fro_between_two_values_has_no_spikes()
     torque = 0.3 * (1 - 0.85 * np.exp(-since / 0.4) - 0.15 * np.exp(-since / 7)) + white(len(t), 0.006) + 0.005
     log = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 3, 0.0, 20.0), "torque_nm": 0.02 * np.round(50 * torque)})
     assert not {"spikes", "spikes-before-step"} & {one.code for one in eaid.read(log).all_findings}
+
+
+def test_a_flat_top_counts_its_own_rows_and_a_noise_at_the_end_of_a_sensor_is_no_limit() -> None:
+    """Idle outputs that end at 0 were "saturated: 1001 samples at 1.2", and their runs left out."""
+    random, t = np.random.default_rng(0), np.arange(0, 12, 0.002)
+    logs = []
+    for u in (40.0, 60.0, 80.0, 100.0):
+        for _ in range(3):
+            y = np.where(t > 2, u / 50 * -np.expm1(-(t - 2) / 0.8), 0.0)
+            y = np.maximum(np.minimum(y, 1.2) + 0.003 * random.standard_normal(len(t)), 0.0)
+            logs.append(pd.DataFrame({"time_s": t, "duty_pct": np.where(t > 2, u, 0.0), "torque_nm": y}))
+    runs = eaid.read(logs).runs
+    assert not any(run.left_out for run in runs)
+    told = {run.level: {one.code for one in run.findings} for run in runs}
+    assert told == {40.0: set(), 60.0: set(), 80.0: {"flat-topped"}, 100.0: {"flat-topped"}}
+
+
+def test_an_idle_output_at_the_end_of_its_sensor_is_told() -> None:
+    """A zero 0.05 N·m below what a sensor shows made T_s as much too small, and only falls were left out."""
+    random, t, logs = np.random.default_rng(0), np.arange(0, 16, 0.005), []
+    for u in (20.0, 40.0, 60.0, 80.0, 100.0):
+        for _ in range(4):
+            y = np.where(t < 10, -np.expm1(-np.maximum(t - 2, 0) / 0.5), np.exp(-(t - 10) / 0.5)) * u / 25
+            y = np.maximum(y - 0.05 + 0.01 * random.standard_normal(len(t)), 0.0)
+            logs.append(pd.DataFrame({"time_s": t, "duty_pct": np.where((t >= 2) & (t < 10), u, 0.0), "torque_nm": y}))
+    assert "idle-at-limit" in {one.code for one in eaid.read(logs).findings}

@@ -257,6 +257,11 @@ ROWS: dict[str, Row] = {
         "slips; either way its time constants are those of the loading",
         rank=0,
     ),
+    "idle-at-limit": caution(
+        "the idle output stands at {limit:.4g} {unit}, to the last digit, where falls end at full slope: the sensor "
+        "ends there, and T_s is short by what the idle output lies behind it; shift the zero of the sensor",
+        rank=0,
+    ),
     "sensor-stuck": stop(STOOD_STILL + "; record it again", "for_s"),
     "sensor-stuck-briefly": caution(STOOD_STILL, "for_s"),
     "block-written-twice": stop(
