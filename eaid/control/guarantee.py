@@ -22,21 +22,33 @@ of the extreme plants, Ṫ = b (u − η̂(T)) with b = 1/B_M and 1/B_m, and by 
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from eaid.arrays import Array
 from eaid.control.kinds import rc_law
-from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, finite, least_margins
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, Point, enough, falling, finite, least_margins
 from eaid.findings import Finding, finding
+from eaid.plant.dynamics import Plant
 from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import lag
 from eaid.results.gains import Condition, Guarantee, Mending, Robust, Timing
+from eaid.results.models import LinearLevel
 
 NEED_ROUNDING = 1e-9  # Share by which the needed may exceed the available
 SHARP = 5.0  # γε below which the printed switch, Eq. (14), visibly jumps at z = 0
+
+
+class FallsOfB(NamedTuple):
+    """B of the plant while its output falls: of its levels the least and the most, and whether logs show such falls
+    between levels, or only those to rest do."""
+
+    least: float
+    most: float
+    shown: bool
 
 
 class Grounds(NamedTuple):
@@ -52,6 +64,7 @@ class Grounds(NamedTuple):
     dead_time_s: float = 0.0
     # Largest error in the end [N·m] on the plants of B_m and B_M under the loop as it is sampled and latched
     left: Callable[[Robust], float] | None = None
+    falls: FallsOfB | None = None  # Where they differ from rises
 
 
 def steepest(torque_nm: Array, dt_s: float) -> float:
@@ -100,6 +113,28 @@ def _sampled(rc: Robust, grounds: Grounds) -> Condition:
     return Condition("sampling", wide, ENOUGH_DB, least.gain_db if least.stable else None, "dB")
 
 
+def falls_of_b(plant: Plant, rows: Sequence[LinearLevel], bounds: tuple[float, float]) -> FallsOfB | None:
+    """B of the levels' linear models, or its `bounds`, while the output falls: times τ1 of falls over that of rises;
+    None where they are alike, or nothing is known of falls."""
+    shown = falling(plant)
+    down = shown or falling(replace(plant, falls_as_release=True))
+    if down is None:
+        return None
+    each = [(row.level, row.level / (row.a0 * row.gain)) for row in rows] or [(plant.u_range[1], B) for B in bounds]
+    found = [B * float(down.time_constants(u)[0] / plant.time_constants(u)[0]) for u, B in each]
+    return FallsOfB(min(found), max(found), shown is not None)
+
+
+def _falls_within(rc: Robust, falls: FallsOfB) -> Condition:
+    """Whether B of falls lies within B_m and B_M, by that end of it which lies farther beyond them; not known where no
+    log shows falls between levels."""
+    assert rc.B_m is not None and rc.B_M is not None
+    below, above = rc.B_m / falls.least, falls.most / rc.B_M
+    needed, available = (falls.most, rc.B_M) if above >= below else (falls.least, rc.B_m)
+    within = max(below, above) <= 1 + NEED_ROUNDING
+    return Condition("falls", within or (False if falls.shown else None), needed, available, "")
+
+
 def guarantee_of(rc: Robust, grounds: Grounds) -> Guarantee:
     """Everything that the argument needs: the verdict is True only where every condition is known to hold."""
     unit, per_s = grounds.units[0], f"{grounds.units[1]}/s"
@@ -119,6 +154,8 @@ def guarantee_of(rc: Robust, grounds: Grounds) -> Guarantee:
         Condition("duty-floor", None if least is None else least >= low - span, finite(least), low, unit),
         _sampled(rc, grounds),
     ]
+    if grounds.falls is not None:
+        conditions.append(_falls_within(rc, grounds.falls))
     if grounds.dead_time_s > 0:
         conditions.append(Condition("dead-time", False, 0.0, grounds.dead_time_s, "s"))
     bound, all_hold = rc.ultimate_bound_nm, all(each.holds for each in conditions)

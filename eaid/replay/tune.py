@@ -24,7 +24,7 @@ from eaid.control.defaults import (
 )
 from eaid.control.design import Design, phi_needed, robust_of, seen_top_nm
 from eaid.control.gains import RangeOfB, model_of, plant_of, range_of_b
-from eaid.control.guarantee import MENDABLE, Grounds, guarantee_of, to_mend, warnings_of
+from eaid.control.guarantee import MENDABLE, Grounds, falls_of_b, guarantee_of, to_mend, warnings_of
 from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.margins import (
     Point,
@@ -85,9 +85,11 @@ class Task:
         phi, top = self.phi, seen_top_nm(self.bounds, self.plant)
         if len(self.fit.data.levels) == 1:  # nothing tells the input of any other output
             phi = top = None
+        ends = self.bounds.B_m, self.bounds.B_M
+        falls = None if self.plant is None else falls_of_b(self.plant, self.bounds.rows, ends)
         return Grounds(
             self.model, self.limits, self.timing, self.units, phi, top, followed, self.fit.dead_time_s,
-            self.left_by_sampling,
+            self.left_by_sampling, falls,
         )  # fmt: skip
 
     def left_by_sampling(self, rc: Robust) -> float:

@@ -165,8 +165,9 @@ class Condition(Result, frozen=True):
 
     name: str
     """rho, phi, range (of the torque that φ was seen over), Q_M, duty-limit, duty-floor (where what is needed may not
-    lie below what there is), sampling; dead-time where the steps show one, sampled-error where sampling leaves more
-    than the bound."""
+    lie below what there is), sampling; falls where they differ from rises (B of theirs, and the end of its range that
+    this comes nearest to), dead-time where the steps show one, sampled-error where sampling leaves more than the
+    bound."""
     holds: bool | None = None
     """None: nothing here can tell."""
     needed: Number | None = None

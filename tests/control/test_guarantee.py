@@ -9,7 +9,9 @@ import pytest
 
 import eaid
 from eaid.control.gains import law_of
+from eaid.control.guarantee import Grounds, falls_of_b, guarantee_of
 from eaid.control.rc import rc_step
+from eaid.plant.dynamics import Plant
 
 from ..conftest import ROOT, loaded
 
@@ -218,6 +220,26 @@ def test_what_the_data_leave_open_of_the_range_is_told_beside_a_yes(judged):
         gains = judged(reference, {"bounds": bounds})
         told = [one.values for one in gains.findings if one.code == "range-left-open"]
         assert gains.guarantee.holds and told == ([] if said is None else [{"B_m": 5.6, "B_M": 6.2, **said}])
+
+
+@pytest.mark.parametrize(
+    ("falls", "holds"),
+    [({"release": (0.1, 0.1)}, None), ({"falls": (3.0, 1.0)}, False), ({"release": (0.294, 0.294)}, True), ({}, None)],
+)
+def test_falls_that_differ_from_rises_have_a_b_of_their_own(judged, falls, holds):
+    """A guarantee said yes, bounds of 0.004 N·m, where the true plant, whose falls were three times as quick, left 0.5;
+    falls to rest alone do not tell those between levels."""
+    gains = judged(triangle(1.5, 3.5, 3.0))
+    plant = Plant((1 / 3.4,), (1 / 3.4,), (0.0, 0.05), (1.0, 100.0), C=1.0, **falls)
+    found = falls_of_b(plant, (), (5.6, 6.2))
+    if not falls:
+        assert found is None
+        return
+    grounds = Grounds(gains.model, (0.0, 100.0), gains.margins.timing, ("%", "N·m"), falls=found)
+    (row,) = (one for one in guarantee_of(gains.rc, grounds).conditions if one.name == "falls")
+    assert row.holds is holds
+    if "falls" in falls:
+        assert (row.needed, row.available) == (pytest.approx(3 * 6.2), 6.2)
 
 
 def test_there_is_one_verdict(judged, tmp_path):

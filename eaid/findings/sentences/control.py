@@ -105,7 +105,8 @@ ROWS: dict[str, Row] = {
             + (f"{v['gain_db']:.3g} dB and {v['phase_deg']:.3g}°" if v["stable"] else "no margin")
             + " where falls between levels are as quick as those to rest, and no log shows such falls: record steps "
             "down from level to level"
-        )
+        ),
+        rank=0,
     ),
     "paper-pi": note(
         "beside it the paper's PI, 21 and 360: largest error {error:.3g} {unit}; {overshoot_pct:.3g} % overshoot and "

@@ -30,11 +30,18 @@ CONDITION_ROWS = {
                  "as it is sampled and latched, the extreme plants keep {a} of the {n} {unit} needed"),
     "sampled-error": ("sampled error", "the extreme plants end within the bound as the loop is sampled, too",
                       "as it is sampled and latched, the extreme plants end {n} {unit} off, the bound is {a}"),
+    "falls": ("falls", "B of falls lies within B_m and B_M, as the proof supposes",
+              "B of falls goes to {n}, where the gains assume it within {a}"),
     "dead-time": ("dead time", "the plant answers at once, as the proof supposes",
                   "the proof knows no dead time, the plant has {a} {unit}"),
 }  # fmt: skip
 # Condition that no gains meet → what they would have to mend
-BEYOND_GAINS = {"duty-limit": "the actuator's range", "duty-floor": "the actuator's range", "dead-time": "a dead time"}
+BEYOND_GAINS = {
+    "duty-limit": "the actuator's range",
+    "duty-floor": "the actuator's range",
+    "dead-time": "a dead time",
+    "falls": "falls unlike rises",
+}
 
 
 def called(condition: Condition) -> str:
