@@ -238,7 +238,7 @@ def _fit_beside(
     stepset, result, _ = _fit_without_tails(recorded, options, progress, result)
     wrong = {one.code for one in result.findings}.intersection(WRONG_FORM)
     if creep is not None and creep.in_proportion:  # which bends no curve over the levels
-        wrong -= codes - {"output-decays-under-hold"}
+        wrong -= codes & {"polynomials-too-low"}
     if creep is not None and wrong:
         return so_far  # it is of the form that is wrong, as that of a plant which rings
     if free and result.nonlinear is not None:

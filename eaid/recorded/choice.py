@@ -96,6 +96,7 @@ LOOPS_BETTER = 0.7  # Squares over those of the clutch, up to which another kind
 DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
 # A free C from which one beyond 1 is tried, with which that begins, and how many times slower its slow part is
 AT_ONE, OVERSHOOTS, TWICE_SLOWER = 0.999, 1.2, (5.0, 15.0)
+SLOW_SHOWN = 100.0  # Times τ1 that a log has to last before it shows a slow part, if there is one
 FAR_LESS = 0.7  # Squares over those of the clutch, up to which an overshoot explains far more: drifts imitate others
 DRIFT_ROUNDS = 3  # In which drifts of gains are found
 KNOTS, MOST_KNOTS = 9, 17  # Values through which T_s(u) goes where no cubic does …
@@ -213,6 +214,8 @@ def _choose_plant(experiment: Experiment) -> Chosen:
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]
     if clutch is not None and (over := fit_overshoot(clutch.solved)) is not None:
         rivals.append(Tried(LagKind("zero", "pair", zero=True), over))
+    if clutch is not None and (fast := drop_slow_part(clutch)) is not None:
+        rivals.append(Tried(LagKind("lag", "lag", late=fast.dead_time_s > 0), fast, of_clutch=True))
     late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
     searched = _try_kinds_behind(experiment, late, rivals)
     if clutch is not None:
@@ -261,7 +264,7 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     told = _kind_findings(best, kinds, logs)
     told += [more for one, log in zip(searched.late, logs, strict=True) for more in one.told(log)]
     of_clutch = None if clutch is None else clutch.clutch
-    logs = logs if clutch is None or best.kind in LAG_KINDS else clutch.logs
+    logs = logs if clutch is None or (best.kind in LAG_KINDS and not best.of_clutch) else clutch.logs
     return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], searched.late, of_clutch, searched)
 
 
@@ -296,6 +299,9 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
         white = sum(map(white_squares, first.solved.missed))
         left, of_clutch = subtract_white_noise((first.cost, own.cost), white)
         first = first if left <= LOOPS_BETTER * of_clutch else own
+    fast = next((one for one in rows if one.of_clutch), None)
+    if first is own and fast is not None and explains_as_much(fast.solved, own.solved):
+        first = fast
     return [first, *(one for one in rows if one is not first)]
 
 
@@ -580,6 +586,33 @@ def free_share(held: Solved, share: float) -> Solved:
     """The fit with C as an unknown, from where it was held at."""
     model = held.fitted.model
     return fit_near(replace(held.fitted, model=replace(model, share=None)), np.insert(held.x, model.size, share))
+
+
+def drop_slow_part(clutch: Chosen) -> Solved | None:
+    """The clutch's form with its fast lag alone, where that explains as much: a slow part that no log shows hides in a
+    T_s which is as much larger, and τ2 runs away. None where the logs are too short to show one."""
+    plain = clutch.clutch or clutch.solved
+    setup, model, x = plain.fitted, plain.fitted.model, plain.x
+    gain, one, _ = model.slices
+    slowest_s = float((model.tau1.rows(model.limited) @ x[one]).max())
+    if model.kind != "parallel" or model.tau2 is None or setup.longest_s < SLOW_SHOWN * slowest_s:
+        return None
+    fast = replace(setup, model=replace(model, tau2=None, share=1.0, kind="lag"))
+    begin = np.zeros(fast.size)
+    begin[gain] = x[gain] * (plain.coefficients[-1] if model.share is None else model.share)
+    begin[one] = x[one]
+    begin[fast.model.size : fast.shared] = x[model.size : setup.shared]
+    for of_fast, own in zip(fast.places, setup.places, strict=True):
+        kept = of_fast.own >= 0
+        begin[of_fast.own[kept]] = x[own.own[kept]]
+    found = fit_near(fast, begin)
+    return found if explains_as_much(found, plain) else None
+
+
+def explains_as_much(fewer: Solved, more: Solved) -> bool:
+    """Whether a fit with fewer unknowns leaves no more than another but for what noise saves."""
+    unknowns = more.setup.size - fewer.setup.size
+    return unknowns > 0 and fewer.cost <= more.cost + noise_saves(more, unknowns)
 
 
 def fit_overshoot(clutch: Solved) -> Solved | None:

@@ -365,7 +365,8 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
 AT_BOUND = 1e-6
 RIVAL_COST = 0.05  # An end this part of the cost above the best is no rival
 AT_BEND = 1e-6  # Part of the cost by which holding a dead time may raise it
-LONG_WAY = 1000  # Newton steps along a bent valley, where τ1 and τ2 all but meet
+# Newton steps along a bent valley, where τ1 and τ2 all but meet; of inputs that move every row, where each takes long
+LONG_WAY, LONG_WAY_MOVING = 1000, 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -438,7 +439,8 @@ def finish(setup: Setup, begin: Sequence[Array], tried: int = 0, costs: Sequence
     end, predicted, active = polish(near, pick_least_slow(setup, ends), finished=SOLVE_SETTLED)
     if predicted > CONVERGED:  # far from a parabola
         near = with_second_derivatives(near)
-        end, predicted, active = polish(near, slsqp(near, end), steps=LONG_WAY, finished=SOLVE_SETTLED)
+        steps = LONG_WAY if held else LONG_WAY_MOVING
+        end, predicted, active = polish(near, slsqp(near, end), steps=steps, finished=SOLVE_SETTLED)
     evaluations = tried + sum(one.evaluations for one in ends) + end.evaluations
     solver = solver_verdict(
         predicted, evaluations, costs or [one.cost for one in ends], [near.names(i) for i in active]
