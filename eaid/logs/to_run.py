@@ -20,7 +20,17 @@ from eaid.logs.names import level_and_repeat, unit_beside
 from eaid.logs.rows import checked
 from eaid.logs.run import Beside, Run
 from eaid.logs.table import Cells, LogTable, plain
-from eaid.logs.units import UNKNOWN, Scale, may_drive, numbers_samples, scale_of, split_name, unit_of, words_of
+from eaid.logs.units import (
+    UNKNOWN,
+    Scale,
+    declared_unit,
+    may_drive,
+    numbers_samples,
+    scale_of,
+    split_name,
+    unit_of,
+    words_of,
+)
 from eaid.options import ExperimentKind, ReadOptions
 
 # Beyond it, or all below its inverse, numbers are none that a sensor gives, and their squares may be none at all
@@ -143,7 +153,10 @@ def run_of(name: str, sha256: str, tables: Sequence[LogTable], options: ReadOpti
     taken = {role: column for role, column in of_role.items() if column is not None}
     others = [table.label(column) for column in range(len(table.columns)) if column not in taken.values()]
     beside = partial(_beside, table, roles, rows)
-    reference, position = (None if one is None else read_only(kept[one]) for one in (roles.reference, roles.position))
+    reference = (
+        None if roles.reference is None else _reference_scale(table, roles, options, into).of(kept[roles.reference])
+    )
+    position = None if roles.position is None else read_only(kept[roles.position])
     return Run(
         name, time_s, read_only(input_), output, scale.unit, into.unit, source, sha256,
         level=level if which is None else None, repeat=repeat, start_s=start_s, synthetic=table.synthetic,
@@ -213,6 +226,23 @@ def _clock(table: LogTable, roles: Roles, options: ReadOptions) -> int | None:
     if numbers_samples(table.columns[roles.time]) or np.mean(np.diff(stamps) == 0) > TOO_COARSE:
         return None
     raise table.fault(f"has a time column, {table.label(roles.time)}, so «rate_hz» does nothing; leave it out")
+
+
+def _reference_scale(table: LogTable, roles: Roles, options: ReadOptions, output: Scale) -> Scale:
+    """What turns a reference into the output's unit: that of its own, else that of the output, which it is meant for;
+    DataError where the two are of different kinds."""
+    assert roles.reference is not None
+    given = options.units.get("reference")
+    if not given and not declared_unit(table, roles.reference, "reference", None):
+        return Scale(output.unit, output.factor)
+    own = scale_of(table, roles.reference, "reference", given, "")
+    if own.unit != output.unit:
+        raise table.fault(
+            f"its reference, {table.label(roles.reference)}, is in {own.unit}, its output in {output.unit}: no loop "
+            "follows that; say which column is the reference with «columns» reference=NAME, or its unit with «units» "
+            "reference=UNIT"
+        )
+    return own
 
 
 def _position_unit(table: LogTable, roles: Roles, options: ReadOptions) -> str:

@@ -237,3 +237,19 @@ def test_a_clock_that_is_set_for_summer_or_winter_goes_on(before, after, tmp_pat
     if after == 3:
         (level,) = eaid.read(tmp_path / "a.csv").levels
         assert np.diff(level.time_s).max() > 3600
+
+
+def test_a_reference_is_read_in_its_own_unit_or_that_of_the_output():
+    """In mN·m beside a torque that was turned into N·m, the errors of a loop were a thousand times its torque."""
+    t = np.arange(500) * 0.01
+    u, rise = np.where(t > 1, 50.0, 0.0), np.where(t > 1, 900 * -np.expm1(-(t - 1) / 0.3), 0.0)
+
+    def read(name, **how):
+        columns = {"time_s": t, "duty_pct": u, "torque_mNm": rise, name: np.where(t > 1, 1000.0, 0.0)}
+        (run,) = eaid.read(pd.DataFrame(columns), **how).steps
+        return float(run.reference_nm.max())
+
+    assert [read("reference_mNm"), read("reference"), read("reference_Nm")] == [1.0, 1.0, 1000.0]
+    assert read("reference", units={"reference": "kN·m"}) == 1e6
+    with pytest.raises(eaid.DataError, match=r"its reference, reference_N, is in N, its output in N·m"):
+        read("reference_N")
