@@ -4,12 +4,14 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 import eaid
 from eaid.cli import console
 from eaid.cli.form import Common, argument, exit_code_of, stamped, takes, tell_result, written
 from eaid.declared import option
 from eaid.errors import UsageError, on_command_line
-from eaid.files import refuse_to_overwrite
+from eaid.files import refuse_to_overwrite, sha256_of
 from eaid.options import SESSIONS, Columns, CompareOptions, ReadOptions, SessionsOptions
 from eaid.shown import counted
 
@@ -98,6 +100,7 @@ def compare(
     from eaid.report.results import read_result
     from eaid.report.tables.sessions import changes_table, shifts_table
     from eaid.results import codec
+    from eaid.results.gains import of_another_fit
 
     if len(files) < 2:
         raise UsageError(f"{files[0]} alone: give another session's fit.json, or the log of a loop, behind it")
@@ -115,6 +118,8 @@ def compare(
             results.append(path)
     as_said = ReadOptions(**reading.given()) if reading.given() else None
     found = eaid.compare(*results, gains=tuned, names=list(map(str, files)), options=how, reading=as_said)
+    if found.promise is not None and isinstance(results[0], eaid.Fit):
+        found = msgspec.structs.replace(found, findings=(*found.findings, *of_another_fit(tuned, sha256_of(files[0]))))
     found = stamped(found, args, files=files, gains=gains)
     found.save(output, args.force)
     after = ["tune-rc", str(files[0])] if found.tune_anew else ["report", str(output)]

@@ -6,8 +6,11 @@ stand as they are read; the replay has no noise, so that the sensor's, by the sc
 what was promised. Where it hides the error, nothing is better than promised.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
+from eaid.arrays import Array, median
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.options import CompareOptions, SimulateOptions
@@ -20,6 +23,11 @@ from eaid.steps.noise import block_noise
 
 HIDES = 0.1  # Part of the recorded error's square from which noise hides it
 ROUNDED_S = 1e-9  # Of a time stamp
+FIRST_ROWS, LOADED = (
+    5,
+    0.1,
+)  # Rows of a log, and part of its reference by which they lie off idle, that begin under load
+HELD_ROWS, JUMP_PART = 8, 1e-6  # Rows of a reference that is held, in the mean; part of a row that a jump of it takes
 
 
 class Kept(Result, frozen=True):
@@ -81,6 +89,8 @@ def promise_of(
         raise DataError(
             f"{run.where}: holds no reference beside input and output; say its column with «columns» reference=NAME"
         )
+    if fit is not None and any(one.code == "signs-turned" for one in fit.findings):  # as the fit took it
+        run = replace(run, output=-run.output, reference_nm=-run.reference_nm)
     held = given.records if given is not None else gains.controllers_by_name if gains is not None else {}
     name = options.controller or next(iter(held), "")
     if not held and not options.controller:
@@ -95,7 +105,8 @@ def promise_of(
             controller=(name,), plants=options.plants, seed=options.seed,
             pwm_hz=(timing.pwm_hz or 0.0) if timing else 0.0,
         )  # fmt: skip
-        given = simulate(fit, gains, how, (run.time_s - run.time_s[0], run.reference_nm), one_run=True)
+        refuse_loaded(run, fit)
+        given = simulate(fit, gains, how, as_followed(run), one_run=True)
     units, wanted = (run.input_unit, run.output_unit), (given.head.input_unit, given.head.output_unit)
     if units != wanted:
         raise DataError(f"{run.where}: is in {' and '.join(units)}, the promise in {' and '.join(wanted)}; say «units»")
@@ -104,6 +115,30 @@ def promise_of(
     from_s = max(record.metrics.counted_from_s or 0.0, given.head.counted_from_s or 0.0)
     others = () if options.controller else tuple(one for one in held if one != name)
     return Promise(name, run.where, run.output_unit, noise, _errors_of_loop(run, record, noise, from_s), others)
+
+
+def refuse_loaded(run: Run, fit: Fit) -> None:
+    """DataError for a log that begins while its loop runs: a replay begins at rest."""
+    assert run.reference_nm is not None
+    idle = run.baseline if run.baseline is not None else fit.plant.idle if fit.plant_ is not None else 0.0
+    begin, size = median(run.output[:FIRST_ROWS]) - idle, float(np.ptp(run.reference_nm))
+    if abs(begin) > LOADED * max(size, float(np.abs(run.reference_nm).max())):
+        raise DataError(
+            f"{run.where}: begins under load, {begin:.3g} {run.output_unit} above idle, while a replay begins at rest; "
+            "give the log from where its loop began"
+        )
+
+
+def as_followed(run: Run) -> tuple[Array, Array]:
+    """Time from 0 on and reference of a log; one that is held between its rows goes from value to value at once, as a
+    loop at its own rate followed it, not in a ramp of a row."""
+    assert run.reference_nm is not None
+    time_s, wanted = run.time_s - run.time_s[0], run.reference_nm
+    jumps = np.flatnonzero(np.diff(wanted)) + 1
+    if not 0 < HELD_ROWS * len(jumps) <= len(wanted):
+        return time_s, wanted
+    before = time_s[jumps] - JUMP_PART * (time_s[jumps] - time_s[jumps - 1])
+    return np.insert(time_s, jumps, before), np.insert(wanted, jumps, wanted[jumps - 1])
 
 
 def _errors_of_loop(run: Run, record: Record, noise: float, from_s: float) -> tuple[Kept, ...]:

@@ -224,7 +224,12 @@ def test_what_the_data_leave_open_of_the_range_is_told_beside_a_yes(judged):
 
 @pytest.mark.parametrize(
     ("falls", "holds"),
-    [({"release": (0.1, 0.1)}, None), ({"falls": (3.0, 1.0)}, False), ({"release": (1 / 3.4, 1 / 3.4)}, True), ({}, None)],
+    [
+        ({"release": (0.1, 0.1)}, None),
+        ({"falls": (3.0, 1.0)}, False),
+        ({"release": (1 / 3.4, 1 / 3.4)}, True),
+        ({}, None),
+    ],
 )
 def test_falls_that_differ_from_rises_have_a_b_of_their_own(judged, falls, holds):
     """A guarantee said yes, bounds of 0.004 N·m, where the true plant, whose falls were three times as quick, left 0.5;

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 import eaid
+from eaid.findings import finding
 from eaid.sessions.compare import _session_covariance, holm
 from eaid.sessions.gather import values_of_fit
 
@@ -216,6 +217,36 @@ def test_a_loop_that_is_not_named_is_told_to_be_taken_for_the_first(loop, tmp_pa
     found = eaid.compare(fit, tmp_path / "loop.csv", gains=gains, plants=10)
     assert found.promise.controller == first and "pi" in found.promise.others == tuple(others)
     assert f"taken for the loop of {first}; if it is of {' or '.join(others)}, say controller=" in found.summary()
+
+
+def test_a_rig_whose_output_counts_negative_keeps_its_promise(loop, tmp_path):
+    """Its replay was of the other sign: 1.2 N·m RMS were promised, and any loop was better."""
+    fit, gains, recorded = loop
+    turned = recorded(1)
+    turned[["torque_nm", "reference_nm"]] *= -1
+    turned.to_csv(tmp_path / "loop.csv", index=False)
+    as_fitted = msgspec.structs.replace(fit, findings=(*fit.findings, finding("signs-turned", "data", runs=3)))
+    found = eaid.compare(as_fitted, tmp_path / "loop.csv", gains=gains, controller="pi", plants=10)
+    assert found.promise.kept, found.summary()
+    assert found.promise.rows[0].recorded == pytest.approx(found.promise.rows[0].promised, rel=3e-3)
+
+
+def test_a_log_that_begins_while_its_loop_runs_is_refused(loop, tmp_path):
+    fit, gains, recorded = loop
+    recorded(1).iloc[2000:].to_csv(tmp_path / "loop.csv", index=False)
+    with pytest.raises(eaid.DataError, match="begins under load, .* give the log from where its loop began"):
+        eaid.compare(fit, tmp_path / "loop.csv", gains=gains, controller="pi")
+
+
+def test_steps_of_a_reference_that_is_logged_slowly_stay_steps(before, tmp_path):
+    """Replayed as ramps of a row, a good loop logged at 50 Hz was worse than promised."""
+    gains, t = eaid.tune_rc(before), np.arange(0.0, 12.0, 1e-3)
+    wanted = np.select([t < 1, t < 4, t < 8], [0.0, 1.2, 0.5], 1.6)
+    run = eaid.simulate(before, gains, reference=(t, wanted), controller=("pi",), rate_hz=1000.0).records["pi"]
+    columns = {name: run.columns[name][::20] for name in ("time_s", "duty_pct", "torque_nm", "reference_nm")}
+    pd.DataFrame(columns).to_csv(tmp_path / "loop.csv", index=False)
+    found = eaid.compare(before, tmp_path / "loop.csv", gains=gains, controller="pi", plants=10)
+    assert found.promise.rows[1].kept, found.summary()
 
 
 def test_a_log_without_a_reference_is_refused(loop, tmp_path):
