@@ -1,14 +1,15 @@
 """At the rig: each new log of a folder is read once it is whole, and held against what the rig's sessions foresee.
 
 A file is whole when neither its size nor its time has changed for some looks, twice as many as it ever stood still
-for while it grew, and for longer where its last row is not ended. What is expected of a step is
+for while it grew, and for longer where its last row is not ended, or where it holds no more seconds than have passed
+since it came: a logger may write it as it records, and flush it every few seconds. What is expected of a step is
 the next session's T_s given the steps before it that were as expected, widened by how much single runs scatter.
 """
 
 import csv
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -27,14 +28,17 @@ from eaid.sessions.rig import Rig
 
 LOOK_S = 0.5  # From one look at the folder to the next [s]
 WAITS, UNFINISHED = 1, 12  # Looks for which a file has to stand still, and one whose last row is not ended
+FLUSHED_S = 5.0  # From which on a log holds more than a logger that writes as it records has recorded since it came [s]
 ROWS_END = {".csv", ".txt", ".tsv", ".dat", ".log", ".lvm"}  # Logs whose rows end in a new line
 State = tuple[int, float]
 
 
-def whole_files(paths: Sequence[Path], silence_s: float) -> Iterator[Path]:
+def whole_files(
+    paths: Sequence[Path], silence_s: float, lasts_s: Callable[[Path], float] = lambda _: np.inf
+) -> Iterator[Path]:
     """New files one by one, each once it is whole, and again where it grows after all; ends after so much silence [s],
-    0: never."""
-    before, done, quiet_s = dict[Path, State](), dict[Path, State](), 0.0
+    0: never. `lasts_s` tells how many seconds a log holds."""
+    before, done, quiet_s, looks, came = dict[Path, State](), dict[Path, State](), 0.0, 0, dict[Path, float]()
     still, paused = Counter[Path](), Counter[Path]()  # Looks that it stands still, and that it stood so while it grew
     while not silence_s or quiet_s < silence_s:
         now = dict[Path, State]()
@@ -47,7 +51,14 @@ def whole_files(paths: Sequence[Path], silence_s: float) -> Iterator[Path]:
                 paused[file] = max(paused[file], still[file] + 1)
             still[file] = still[file] + 1 if same else 0
         pending = [file for file, state in now.items() if done.get(file) != state]
-        fresh = [file for file in pending if still[file] >= max(WAITS, 2 * paused[file]) and ended(file, still[file])]
+        came |= dict.fromkeys(now.keys() - came.keys(), time.monotonic() if looks else -np.inf)
+        stood = [file for file in pending if still[file] >= max(WAITS, 2 * paused[file]) and ended(file, still[file])]
+        age_s = {file: time.monotonic() - came[file] for file in stood}
+        fresh = [
+            file for file in stood
+            if still[file] >= UNFINISHED or np.isinf(age_s[file]) or lasts_s(file) > age_s[file] + FLUSHED_S
+        ]  # fmt: skip
+        looks += 1
         quiet_s = 0.0 if now != before or pending else quiet_s + LOOK_S
         before = now
         done |= {file: now[file] for file in fresh}
@@ -70,7 +81,14 @@ def followed(
 ) -> Iterator[str]:  # fmt: skip
     """A line for each step as it comes, and one for the next by the plan; `unread` takes the files that are no logs."""
     rows, shown = planned(plan) if plan else [], dict[Path, list[tuple[float, float]]]()
-    for file in whole_files(paths, silence_s):
+
+    def lasts_s(file: Path) -> float:
+        try:
+            return max(float(run.time_s[-1] - run.time_s[0]) for run in read_runs([file], reading))
+        except DataError:
+            return 0.0
+
+    for file in whole_files(paths, silence_s, lasts_s):
         try:
             runs = read_runs([file], reading)
             fit = fit_steps(steps_in(runs, reading)[1], FitOptions(model=("friction",)))
@@ -79,12 +97,16 @@ def followed(
             yield f"{fault.sentences[0]}; record it again?"
             continue
         unread.discard(file)
-        shown[file] = []
+        shown = {one: of for one, of in shown.items() if one.exists()} | {file: []}  # without what was renamed
         rows_from_rest = [one for one in fit.friction_levels if one.from_ == 0]
         if not rows_from_rest:
             yield from map(_line_without_step, runs)
         for row in rows_from_rest:
-            said, fine = _judged_value(fit, row.level, row.Ts, rig, [one for each in shown.values() for one in each])
+            before = [one for each in shown.values() for one in each]
+            try:
+                said, fine = _judged_value(fit, row.level, row.Ts, rig, before)
+            except DataError as fault:
+                said, fine = f"{file}: {fault.sentences[0]}", False
             shown[file] += [(row.level, row.Ts)] if fine else []
             yield said
         if rows:

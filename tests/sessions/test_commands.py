@@ -244,3 +244,25 @@ def test_a_file_that_is_still_being_written_is_not_read(tmp_path, monkeypatch):
     recorder.join()
     assert told[-1] == ("b.csv", 3) and [name for name, _ in told].count("b.csv") == 1
     assert [name for name, _ in told].count("a.csv") <= 2  # once before its pace is known
+
+
+def test_a_log_that_is_flushed_every_few_seconds_is_read_once_it_is_whole(tmp_path, monkeypatch):
+    """Whole rows, then nothing for some seconds: half a step was told, and the next held against it."""
+    monkeypatch.setattr(follow, "LOOK_S", 0.05)
+    live = tmp_path / "live.csv"
+
+    def rows(file):
+        return len(file.read_text().splitlines())
+
+    def record():
+        time.sleep(0.1)
+        for k in range(4):
+            with live.open("a") as file:
+                file.write(f"{k},1\n")
+            time.sleep(0.3)
+
+    recorder = threading.Thread(target=record)
+    recorder.start()
+    told = [rows(file) for file in follow.whole_files([tmp_path], 1.2, rows)]
+    recorder.join()
+    assert told == [4]
