@@ -3,7 +3,7 @@
 steps = eaid.read("bench/")          fit = eaid.fit(steps)          gains = eaid.tune_rc(fit)
 run = eaid.simulate(fit, gains)      eaid.report(fit, gains, run, to="report/")
 
-`__init__.pyi` says the signatures to editors; `make stub` writes it.
+`__init__.pyi` says the signatures to editors; `python docs/stub.py` writes it.
 """
 
 import sys

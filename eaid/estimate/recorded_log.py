@@ -220,7 +220,8 @@ def shift_input(log: RecordedLog, rows: float) -> RecordedLog:
     if rows == 0:
         return log
     moved, late_s = read_only(moved_rows(log.input, int(rows))), (rows - int(rows)) * log.usual_s
-    return replace(log, input=moved, late_s=late_s, idle_start=log.starts_idle if rows > 0 else log.idle_start)
+    begins = True if rows > 0 and log.starts_idle else log.idle_start  # of too few rows at rest nothing is known yet
+    return replace(log, input=moved, late_s=late_s, idle_start=begins)
 
 
 def add_rest(log: RecordedLog, rows: int = 1) -> RecordedLog:

@@ -34,7 +34,7 @@ class BadCell:
     """A cell that is no finite number."""
 
     row: int  # Index into the arrays, from 0
-    column: int  # Index into `Table.columns`; −1: the whole row (too few or too many cells)
+    column: int  # Index into `LogTable.columns`; −1: the whole row (too few or too many cells)
     text: str  # What stands there, shortened; empty where nothing does
 
 

@@ -31,7 +31,7 @@ from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.forms import PerLevel
 from eaid.plant.respond import from_rest, respond
-from eaid.recorded.choice import Chosen, add_rest_before, choose_plant, set_up_above_idle
+from eaid.recorded.choice import Chosen, add_rest_before, choose_plant, mark_resting_start, set_up_above_idle
 from eaid.recorded.closed_loop import judge_loops, refit_by_instruments
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
@@ -350,7 +350,7 @@ def experiment_of(
     signed = any(float(log.input.min()) < 0 for log in logs)  # no plant of both sides is fitted with steps
     others = logs_of_steps(steps) if steps is not None and not signed else []
     inputs = find_inputs([*logs, *others], options.duty, goes_on=True)
-    resting = [add_rest_before(log, inputs) for log in logs]
+    resting = [mark_resting_start(add_rest_before(log, inputs), inputs) for log in logs]
     return Experiment(resting, others, inputs, options, repeats, falls, steps)
 
 

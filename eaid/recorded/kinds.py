@@ -5,9 +5,10 @@ grid of time constants, dampings and dead times (variable projection), and the b
 all get more of a gain: quadratic, cubic, one on each side of rest; and the best few time constants that go with the
 input. What counts is
 
-    score = squares (1 + 0.01 p) + 6 p s,    s = squares of the best over the number of independent samples
+    score = squares (1 + 0.01 p') + 6 p s,    s = squares of the best over the number of independent samples
 
-p unknowns, s what noise alone would save with one of them. The clutch's own form, two lags in parallel over the input,
+p unknowns, s what noise alone would save with one of them; p' those of gain and pace, and of the lags the part of what
+is left that is no white noise, a dead time not among them. The clutch's own form, two lags in parallel over the input,
 stands unless another kind scores less. An output whose rate follows the input is an integrator, and is refused by name.
 """
 
@@ -53,7 +54,7 @@ class LagKind:
     """A kind of lag: its name here, its law, whether z and θ are unknowns."""
 
     of: str
-    law: str  # lag | swing
+    law: str  # lag | swing; of rivals parallel | pair, too
     zero: bool = False
     late: bool = False
 

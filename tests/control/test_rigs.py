@@ -9,6 +9,7 @@ import pytest
 import eaid
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
+from eaid.results.verdict import judged
 
 from ..conftest import GAINS
 
@@ -183,3 +184,13 @@ def test_rc_has_its_margins_on_kinds_that_the_papers_numbers_are_not_for(plant):
     log = pandas.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": torque})
     worst = eaid.tune_rc(eaid.fit(log, ci="none", shape="one"), reference=[0.0, 0.0]).margins.worst
     assert all(one.gain_db >= 6 and one.phase_deg >= 45 for one in worst.values()) and "rc" in worst
+
+
+def test_gains_of_a_plant_that_must_not_be_used_are_refused(fit_of):
+    """Only the linear model was asked, while margins and replays are of the plant."""
+    little = {"code": "model-explains-little", "subject": "nonlinear", "severity": "stop", "R2": 0.1, "fit_pct": 5.0}
+    fit = judged(fit_of(nonlinear=True, findings=[little]))
+    assert fit.verdict.of("linear").usable and not fit.verdict.usable
+    with pytest.raises(eaid.DataError, match="NOT USABLE: the nonlinear model explains little"):
+        eaid.tune_rc(fit)
+    assert eaid.tune_rc(fit, anyway=True).not_usable

@@ -429,3 +429,17 @@ def test_a_binary_input_that_moves_at_every_row_has_one_level_and_no_values_betw
     assert row.Ts == pytest.approx(float(REFERENCE_PLANT.steady(60.0)), rel=0.03)
     assert "one-input-only" in {one.code for one in fit.findings}
     assert "input-saturates" not in {one.code for one in fit.findings}
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_one_row_at_rest_before_an_input_that_was_noted_late_is_a_rest(seed):
+    """Its start became unknown, and with it the idle output: T_s(80 %) was 4.7 for 2.8, the idle output -1.9 for 0."""
+    random, t = np.random.default_rng(seed), np.arange(8000) * 0.02
+    plant = Plant((0.3,), (6.0,), (0.0, 0.01, 3e-4), (10.0, 100.0))
+    begins = np.append(0.01, 0.01 + np.cumsum(random.uniform(0.5, 5.0, 60)))
+    levels = np.append(0.0, random.uniform(10.0, 100.0, 61).round(1))
+    y = respond(plant, np.append(0.0, begins), levels, t) + 0.01 * random.standard_normal(len(t))
+    noted = levels[np.searchsorted(begins + 0.01, t + 1e-9, side="right")]
+    assert int((noted == 0).sum()) == 1
+    fit = fit_recorded([RecordedLog("one row", t, noted, y)], FitOptions())
+    assert fit.plant.steady(80.0) == pytest.approx(plant.steady(80.0), rel=0.03)
