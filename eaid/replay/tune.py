@@ -197,8 +197,8 @@ def falls_seen(fit: Fit) -> bool:
 def tune(fit: Fit, options: TuneOptions, reference: str | Signal | None, reference_name: str) -> Gains:
     """`eaid.tune_rc` on what has been read; without a reference the multisine, which Q_M need not cover. GainsError
     where fit or wishes are not physical, out of reach or unstable, DataError where the fit lacks what is asked for."""
-    of_plant = "" if fit.plant_ is None else fit.verdict.of("nonlinear").sentence  # as margins and replays are
-    why = fit.verdict.of("linear").sentence or of_plant
+    # margins and replays are of the plant
+    why = fit.verdict.of("linear").sentence or fit.verdict.of("nonlinear").sentence
     if why and not options.anyway:
         raise DataError(f"the fit is NOT USABLE: {why}; «anyway» makes gains of it all the same, marked")
     task = task_of(fit, options, reference, reference_name)
