@@ -53,7 +53,7 @@ def _warnings(source: Origin, laws: tuple[str, ...], rate_hz: float, options: Ex
             yield finding("export-left-out", law, what=what)
     if source.fit is not None:
         yield from counted_from_rest(source.fit, source.limits)
-    if source.fit is not None and any(one.code == "signs-turned" for one in source.fit.findings):
+    if source.fit is not None and source.fit.turned:
         idle = 0.0 if source.plant is None else source.plant.idle
         yield finding("export-sign-turned", "torque", idle=idle, unit=source.units[1])
     if {"pi", "rc"} & set(laws) and source.gains is not None:

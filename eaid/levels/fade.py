@@ -9,13 +9,12 @@ another C of each level does, or a creep beside the response.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from eaid.arrays import Array
-from eaid.estimate.data import Data, data_of
+from eaid.estimate.data import data_of
 from eaid.estimate.spread import t_quantile
 from eaid.levels.creep import SHARE_CHANCE
 from eaid.levels.each_level import OwnLevels, own_levels
@@ -42,7 +41,8 @@ def find_fade(stepset: StepSet, share: float, creep: Creep | None) -> tuple[Cree
 
     def faded(part: float) -> Array:
         """What each level leaves behind a growth by such a part in the longest hold, (L,)."""
-        near[:] = [own_levels(levels, subtract_growth(data, part / hold_s), share, near[0] if near else None)]
+        grown = data_of(stepset.without_creep(part / hold_s, 0.0, in_proportion=True).levels)
+        near[:] = [own_levels(levels, grown, share, near[0] if near else None)]
         return logs_left(near[0])
 
     def with_share(C: float | None) -> Array:
@@ -69,14 +69,10 @@ def find_fade(stepset: StepSet, share: float, creep: Creep | None) -> tuple[Cree
 
 def find_least(logs: Callable[[float], Array], bounds: tuple[float, float]) -> float:
     """Where the levels leave least together."""
-    return float(minimize_scalar(lambda x: logs(x).sum(), bounds=bounds, options={"xatol": FADE_SETTLED}).x)
+    found = minimize_scalar(lambda x: logs(x).sum(), bounds=bounds, method="bounded", options={"xatol": FADE_SETTLED})
+    return float(found.x)
 
 
 def logs_left(found: OwnLevels) -> Array:
     """The logarithm of what each level leaves, (L,)."""
     return np.log([max(float(one.solved.at.cost[0]), 1e-300) for one in found.each])
-
-
-def subtract_growth(data: Data, rate: float) -> Data:
-    """The mean curves without a growth in proportion."""
-    return Data(data.u, tuple(replace(one, y=one.y / (1 + rate * one.t_s)) for one in data.records))

@@ -215,7 +215,7 @@ def _choose_plant(experiment: Experiment) -> Chosen:
     if clutch is not None and (over := fit_overshoot(clutch.solved)) is not None:
         rivals.append(Tried(LagKind("zero", "pair", zero=True), over))
     if clutch is not None and (fast := drop_slow_part(clutch)) is not None:
-        rivals.append(Tried(LagKind("lag", "lag", late=fast.dead_time_s > 0), fast, of_clutch=True))
+        rivals.append(Tried(LagKind("lag", "lag", late=fast.dead_time_s > 0), fast, fast_alone=True))
     late = (ON_TIME,) * len(logs) if clutch is None else clutch.late
     searched = _try_kinds_behind(experiment, late, rivals)
     if clutch is not None:
@@ -264,7 +264,7 @@ def choose_kind(searched: Searched, wanted: str = "") -> Chosen:
     told = _kind_findings(best, kinds, logs)
     told += [more for one, log in zip(searched.late, logs, strict=True) for more in one.told(log)]
     of_clutch = None if clutch is None else clutch.clutch
-    logs = logs if clutch is None or (best.kind in LAG_KINDS and not best.of_clutch) else clutch.logs
+    logs = logs if clutch is None or (best.kind in LAG_KINDS and not best.fast_alone) else clutch.logs
     return Chosen(best.solved, tuple(logs), of_falls, kinds, [*told, *found], searched.late, of_clutch, searched)
 
 
@@ -299,7 +299,7 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
         white = sum(map(white_squares, first.solved.missed))
         left, of_clutch = subtract_white_noise((first.cost, own.cost), white)
         first = first if left <= LOOPS_BETTER * of_clutch else own
-    fast = next((one for one in rows if one.of_clutch), None)
+    fast = next((one for one in rows if one.fast_alone), None)
     if first is own and fast is not None and explains_as_much(fast.solved, own.solved):
         first = fast
     return [first, *(one for one in rows if one is not first)]

@@ -79,7 +79,7 @@ class Tried:
     solved: Solved
     score: float = math.inf
     within: float = 0.0  # Squares that the rows on which it was looked for do not show
-    of_clutch: bool = False  # The clutch's form without its slow part
+    fast_alone: bool = False  # The clutch's form without its slow part
 
     @property
     def name(self) -> str:
@@ -303,7 +303,7 @@ def noise_saves(solved: Solved, unknowns: int, chance: float = SHARE_CHANCE) -> 
 
 def refit_on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     """The same fitted to every sample, as rivals are already; near enough to be compared, or to its very end."""
-    if one.of_clutch or one.kind not in LAG_KINDS:
+    if one.fast_alone or one.kind not in LAG_KINDS:
         return one
     solved, model = one.solved, one.solved.setup.model
     theta = solved.setup.dead_time(solved.x)

@@ -65,7 +65,7 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     """The plant's output for a run's input, on its own clock from 0, and how far it is from the recorded one, its
     reference; DataError where its input or output is in another unit than the fit's."""
     refuse_units_of_run(run, fit)
-    if any(one.code == "signs-turned" for one in fit.findings):  # as the fit took it
+    if fit.turned:  # as the fit took it
         run = replace(run, output=-run.output, baseline=None if run.baseline is None else -run.baseline)
     level = recorded_log(run, float(fit.options.reading.get("rest") or 0.0))
     own = next((log for log in fit.logs if log.sha256 == run.sha256 and log.sha256 and log.name == run.name), None)

@@ -375,6 +375,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         return any(one.code == "tails-taken-off" for one in self.findings)
 
     @property
+    def turned(self) -> bool:
+        """Whether its output counts with its sign turned."""
+        return any(one.code == "signs-turned" for one in self.findings)
+
+    @property
     def noted_late_s(self) -> float:
         """By how much the inputs of its steps were noted late [s]; it takes them as they acted."""
         return next((float(one.values["ms"]) / 1e3 for one in self.findings if one.code == "input-late"), 0.0)  # type: ignore[arg-type]

@@ -38,7 +38,9 @@ def whole_files(
 ) -> Iterator[Path]:
     """New files one by one, each once it is whole, and again where it grows after all; ends after so much silence [s],
     0: never. `lasts_s` tells how many seconds a log holds."""
-    before, done, quiet_s, looks, came = dict[Path, State](), dict[Path, State](), 0.0, 0, dict[Path, float]()
+    before, done, quiet_s, came = dict[Path, State](), dict[Path, State](), 0.0, dict[Path, float]()
+    lasted = dict[Path, tuple[State, float]]()
+    there: set[Path] | None = None  # What no logger is writing
     still, paused = Counter[Path](), Counter[Path]()  # Looks that it stands still, and that it stood so while it grew
     while not silence_s or quiet_s < silence_s:
         now = dict[Path, State]()
@@ -51,14 +53,14 @@ def whole_files(
                 paused[file] = max(paused[file], still[file] + 1)
             still[file] = still[file] + 1 if same else 0
         pending = [file for file, state in now.items() if done.get(file) != state]
-        came |= dict.fromkeys(now.keys() - came.keys(), time.monotonic() if looks else -np.inf)
+        there = set(now) if there is None else there
+        came |= dict.fromkeys(now.keys() - came.keys(), time.monotonic())
         stood = [file for file in pending if still[file] >= max(WAITS, 2 * paused[file]) and ended(file, still[file])]
+        for file in stood:
+            if file not in lasted or lasted[file][0] != now[file]:  # read once for each state of it
+                lasted[file] = now[file], np.inf if file in there else lasts_s(file)
         age_s = {file: time.monotonic() - came[file] for file in stood}
-        fresh = [
-            file for file in stood
-            if still[file] >= UNFINISHED or np.isinf(age_s[file]) or lasts_s(file) > age_s[file] + FLUSHED_S
-        ]  # fmt: skip
-        looks += 1
+        fresh = [one for one in stood if still[one] >= UNFINISHED or lasted[one][1] > age_s[one] + FLUSHED_S]
         quiet_s = 0.0 if now != before or pending else quiet_s + LOOK_S
         before = now
         done |= {file: now[file] for file in fresh}
@@ -81,16 +83,17 @@ def followed(
 ) -> Iterator[str]:  # fmt: skip
     """A line for each step as it comes, and one for the next by the plan; `unread` takes the files that are no logs."""
     rows, shown = planned(plan) if plan else [], dict[Path, list[tuple[float, float]]]()
+    held = dict[Path, Sequence[Run]]()  # Read to see how long they last
 
     def lasts_s(file: Path) -> float:
-        try:
-            return max(float(run.time_s[-1] - run.time_s[0]) for run in read_runs([file], reading))
-        except DataError:
-            return 0.0
+        held.pop(file, None)
+        with suppress(DataError):
+            held[file] = read_runs([file], reading)
+        return max((float(run.time_s[-1] - run.time_s[0]) for run in held.get(file, ())), default=0.0)
 
     for file in whole_files(paths, silence_s, lasts_s):
         try:
-            runs = read_runs([file], reading)
+            runs = held.pop(file, None) or read_runs([file], reading)
             fit = fit_steps(steps_in(runs, reading)[1], FitOptions(model=("friction",)))
         except DataError as fault:
             unread.add(file)

@@ -23,10 +23,8 @@ from eaid.steps.noise import block_noise
 
 HIDES = 0.1  # Part of the recorded error's square from which noise hides it
 ROUNDED_S = 1e-9  # Of a time stamp
-FIRST_ROWS, LOADED = (
-    5,
-    0.1,
-)  # Rows of a log, and part of its reference by which they lie off idle, that begin under load
+# First rows of a log, and part of its reference by which their output lies off idle, where it begins under load
+FIRST_ROWS, LOADED = 5, 0.1
 HELD_ROWS, JUMP_PART = 8, 1e-6  # Rows of a reference that is held, in the mean; part of a row that a jump of it takes
 
 
@@ -89,7 +87,7 @@ def promise_of(
         raise DataError(
             f"{run.where}: holds no reference beside input and output; say its column with «columns» reference=NAME"
         )
-    if fit is not None and any(one.code == "signs-turned" for one in fit.findings):  # as the fit took it
+    if fit is not None and fit.turned:  # as the fit took it
         run = replace(run, output=-run.output, reference_nm=-run.reference_nm)
     held = given.records if given is not None else gains.controllers_by_name if gains is not None else {}
     name = options.controller or next(iter(held), "")
@@ -122,7 +120,8 @@ def refuse_loaded(run: Run, fit: Fit) -> None:
     assert run.reference_nm is not None
     idle = run.baseline if run.baseline is not None else fit.plant.idle if fit.plant_ is not None else 0.0
     begin, size = median(run.output[:FIRST_ROWS]) - idle, float(np.ptp(run.reference_nm))
-    if abs(begin) > LOADED * max(size, float(np.abs(run.reference_nm).max())):
+    driven = bool((run.input[:FIRST_ROWS] != 0).all())  # else what lies off idle is another zero of the sensor
+    if driven and abs(begin) > LOADED * max(size, float(np.abs(run.reference_nm).max())):
         raise DataError(
             f"{run.where}: begins under load, {begin:.3g} {run.output_unit} above idle, while a replay begins at rest; "
             "give the log from where its loop began"
