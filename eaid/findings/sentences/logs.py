@@ -203,13 +203,13 @@ ROWS: dict[str, Row] = {
         rank=1,
     ),
     "fade-taken-off": caution(
-        "the output fades by {pct:.2g} % ({low:.2g} … {high:.2g}) in a hold of {hold_s:.3g} s, at all levels alike, as "
+        "the output fades by {pct:.3g} % ({low:.3g} … {high:.3g}) in a hold of {hold_s:.3g} s, at all levels alike, as "
         "that of discs that warm up does; the fit is without that fade, T_s that of the begin of a hold: let the discs "
         "cool between holds, or warm up before them",
         rank=1,
     ),
     "fade-possible": caution(
-        "the runs ask for another C, or for an output that fades by {pct:.2g} % ({low:.2g} … {high:.2g}) in a hold of "
+        "the runs ask for another C, or for an output that fades by {pct:.3g} % ({low:.3g} … {high:.3g}) in a hold of "
         "{hold_s:.3g} s, as that of discs that warm up does: these logs do not tell which, and τ2 is longer with a "
         "fade; hold one level for longer, and see whether its output falls",
         rank=1,
