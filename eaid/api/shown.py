@@ -260,7 +260,7 @@ def compare(
     *others: "Fit | Paths",
     gains: "Gains | File | None" = None,
     reading: ReadOptions | None = None,
-    names: Sequence[str] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ",
+    names: Sequence[str] | None = None,
     options: CompareOptions | None = None,
     **keywords: Any,
 ) -> "Comparison":
@@ -277,7 +277,7 @@ def compare(
     reading
         How the log of a loop is read; by itself as the logs of the fit.
     names
-        What the sessions are called beside their letters A, B, C.
+        What the sessions are called beside their letters A, B, C; by themselves as their files, «session A» of a fit.
     options
         How a recorded loop is held against its promise.
     **keywords
@@ -304,16 +304,20 @@ def compare(
     (False, False)
     """
     from eaid.logs.read import read_like
-    from eaid.sessions.compare import Comparison, compare_fits
+    from eaid.sessions.compare import LETTERS, Comparison, compare_fits
 
     how = given_options(CompareOptions, options, keywords)
-    first, gains = as_result(first), None if gains is None else result_of("gains", gains, Gains)
-    others = tuple(as_result(one) if str(one).endswith(".json") else one for one in others)
+    asked = [first, *others]
+    gains = None if gains is None else result_of("gains", gains, Gains)
+    first, others = as_result(first), tuple(as_result(one) if str(one).endswith(".json") else one for one in others)
     if not isinstance(first, Fit | Replay):
         raise UsageError(f"first: is a {type(first).__name__}; give a fit or a replay, or its file")
     if not others:
         raise UsageError("one result alone: give another session's fit, or the log of a loop, to compare it with")
     if isinstance(first, Fit) and all(isinstance(one, Fit) for one in others):
+        if names is None:
+            letters = zip(LETTERS, asked, strict=False)
+            names = [f"session {letter}" if isinstance(one, Fit) else str(one) for letter, one in letters]
         named = dict(zip(names, (first, *others), strict=False))
         if len(named) <= len(others):
             twice = next((name for k, name in enumerate(names) if name in names[:k]), None)

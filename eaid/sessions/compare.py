@@ -9,6 +9,7 @@ Holm's.
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from string import ascii_uppercase
 from typing import ClassVar
 
@@ -46,6 +47,7 @@ from eaid.shown import Plotted, pandas
 
 MOVED_CHANCE = 0.05
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
+LETTERS = (*ascii_uppercase, *("".join(two) for two in product(ascii_uppercase, repeat=2)))
 CALLED = SYMBOLS | {"held": "held output", "peak": "peak"}
 
 
@@ -207,7 +209,7 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
     told = told_together(fits)
     if unknown := [name for name, fit in fits.items() if not values_of_fit(fit, "Ts", name)]:
         raise DataError(f"{unknown[0]}: {NO_INTERVAL}")
-    letters, shifts = dict(zip(fits, ascii_uppercase, strict=False)), list[Shift]()
+    letters, shifts = dict(zip(fits, LETTERS, strict=False)), list[Shift]()
     first, *others = fits
     for name in others:
         each = (_shift(quantity, letters[name], fits[first], fits[name]) for quantity in CALLED)

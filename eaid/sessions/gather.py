@@ -1,6 +1,6 @@
 """Fits, or one plain table, as sessions: what each says of T_s, τ1, τ2, B, a0, what was held; do they go together?"""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,10 @@ from scipy.special import stdtrit
 from eaid.apparatus import Apparatus
 from eaid.arrays import median
 from eaid.errors import DataError
+from eaid.estimate.scatter import CURVES, unit_variances
 from eaid.findings import Finding, finding
 from eaid.logs.names import factors_of
+from eaid.plant.dynamics import Step
 from eaid.results import codec
 from eaid.results.common import Input, Number, Positive, Result
 from eaid.results.fit import Fit
@@ -31,6 +33,8 @@ MANY = 1e9  # Degrees of freedom of what is known for certain
 NO_INTERVAL = "no level has a T_s with an interval; fit the logs again, with «ci»"
 EXACT = 1e-6  # Standard deviation of ln θ below which a value is known for certain
 IMPOSSIBLE = 10.0  # Deviations by which two values of one session do not differ
+# The numbers of a step by which runs of a number scatter
+PARTS = {"Ts": ("Ts",), "tau1": ("tau1",), "tau2": ("tau2",), "B": ("Ts", "tau1")}
 PLAIN_COLUMNS = ("session", "level", "value", "sd_log")
 # What a file name says of drive and stand → how it is called; levels, which change within a session, are no such thing
 NAMED = {"f": "drive frequency", "freq": "drive frequency", "v": "speed", "speed": "speed", "rpm": "speed"}
@@ -79,6 +83,29 @@ def values_of_fit(fit: Fit, name: str, session: str, of_one_run: bool = False) -
     return found
 
 
+def values_of_session(fit: Fit, name: str, session: str, of_runs: float | None) -> list[SessionValue]:
+    """The same as sessions take them. Intervals of single runs hold what their levels scatter about a curve, which
+    sessions show again: each value is known as its record's own noise tells, and `of_runs`, the deviation from run to
+    run in other sessions; where none tells that, it is a part of what a level scatters from session to session."""
+    values, about = values_of_fit(fit, name, session), fit.uncertainty
+    if name not in PARTS or about is None or about.noise is None or not of_single_runs(fit):
+        return values
+    rows, density = {row.level: row for row in fit.level_values}, (about.noise.sensor_nm2_s, about.noise.ripple_s)
+    records, found = dict(zip(fit.data.levels, fit.data.record_s, strict=True)), []
+    for one in values:
+        row = rows[one.level]
+        curve = Step(row.Ts or 0.0, tau := row.tau1 or 0.0, row.tau2 or tau, fit.plant.C)
+        own = np.sqrt(unit_variances(curve, records[one.level]) @ density)
+        sd = [of_runs or 0.0, *(float(own[CURVES.index(part)]) for part in PARTS[name])]
+        found.append(replace(one, sd_log=float(np.linalg.norm(sd)), dof=MANY))
+    return found
+
+
+def of_single_runs(fit: Fit) -> bool:
+    """Whether no level of steps from rest has repeats."""
+    return fit.uncertainty is not None and fit.uncertainty.scatter_from in ("curve", "within") and fit.recorded is None
+
+
 def assumes_scatter(fit: Fit) -> bool:
     """Whether how runs scatter was assumed as usual, since single runs of few levels do not show it."""
     return any(one.code == "single-runs-few-levels" for one in fit.findings)
@@ -93,15 +120,19 @@ def of_another_plant(fit: Fit) -> list[tuple[float, CurveLevel]]:
     return [(u, CurveLevel(u, part.at(u)["Ts"][0], ci95=LevelIntervals((low, high)))) for u, low, high in rows]
 
 
-def run_scatter(fit: Fit, name: str) -> float | None:
-    """Standard deviation of ln θ from run to run, where the fit knows it."""
+def run_scatter(fits: Iterable[Fit], name: str) -> float | None:
+    """Standard deviation of ln θ from run to run, in the mean of the fits that know it."""
+    known = [sd for fit in fits if (sd := _run_scatter(fit, name)) is not None]
+    return float(np.sqrt(np.mean(np.square(known)))) if known else None
+
+
+def _run_scatter(fit: Fit, name: str) -> float | None:
     if name in RESPONSES:
         runs = {row.level: row.runs for row in fit.responses}
         each = [one.sd_log**2 * runs[one.level] for one in values_of_fit(fit, name, "")]
         return float(np.sqrt(np.mean(each))) if each else None
     noise = fit.uncertainty.noise if fit.uncertainty is not None else None
-    parts = {"B": ("Ts", "tau1"), "a0": ("tau1",)}.get(name, (name,))
-    known = [noise.scatter[one] for one in parts if noise.scatter.get(one)] if noise is not None else []
+    known = [sd for part in PARTS.get(name, ("tau1",)) if (sd := noise.scatter.get(part))] if noise is not None else []
     return float(np.hypot.reduce(known)) if known else None
 
 

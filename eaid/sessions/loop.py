@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, Mask, median
 from eaid.errors import DataError, UsageError
 from eaid.logs.run import Run
 from eaid.options import CompareOptions, SimulateOptions
@@ -148,6 +148,7 @@ def _errors_of_loop(run: Run, record: Record, noise: float, from_s: float) -> tu
     if not counted.any():
         raise DataError(f"{run.where}: ends before {from_s:g} s, from where on the replay's errors count")
     error = np.abs(run.reference_nm - run.output)[counted]
+    seen = _part_in_rows(run, record, counted)
     spread = record.metrics.plants.metrics if record.metrics.plants is not None else {}
     peak_of_noise = noise * float(np.sqrt(2 * np.log(len(error))))  # what the largest of so many samples lies off by
     rms, largest = float(np.sqrt(np.mean(error**2))), float(error.max())
@@ -156,6 +157,7 @@ def _errors_of_loop(run: Run, record: Record, noise: float, from_s: float) -> tu
     for key, name, recorded in (("rms_error_nm", "RMS error", rms), ("max_abs_error_nm", "largest error", largest)):
         one, promised = spread.get(key), getattr(record.metrics, key) or 0.0
         low, high = (promised, promised) if one is None else (one.low or 0.0, one.high or 0.0)
+        promised, low, high = (seen[key] * value for value in (promised, low, high))
         if key == "rms_error_nm":
             promised, low, high = np.hypot([promised, low, high], noise).tolist()
         else:  # where the noise of that instant may add to it, or not
@@ -166,3 +168,14 @@ def _errors_of_loop(run: Run, record: Record, noise: float, from_s: float) -> tu
     low, high = (None, None) if band is None else (max(float(band[k].max()) - top, 0.0) for k in (1, 5))
     high = None if high is None else max(high, peak)
     return *rows, Kept("overshoot", max(float(run.output.max()) - top - peak_of_noise, 0.0), peak, low, high)
+
+
+def _part_in_rows(run: Run, record: Record, counted: Mask) -> dict[str, float]:
+    """By what factor the errors of the replay are others at the log's rows alone: of a step that a log of 20 Hz holds,
+    few rows show what happens after it."""
+    time_s, own = run.time_s - run.time_s[0], record.columns
+    at = np.clip(np.searchsorted(own["time_s"], time_s[counted] - ROUNDED_S), 0, len(own["time_s"]) - 1)
+    off = np.abs(own["reference_nm"] - own["torque_nm"])
+    whole = off[own["time_s"] >= time_s[counted][0] - ROUNDED_S]
+    rms, largest = (float(size(off[at]) / size(whole)) if whole.any() else 1.0 for size in (np.linalg.norm, np.max))
+    return {"rms_error_nm": rms * float(np.sqrt(len(whole) / len(at))), "max_abs_error_nm": largest}

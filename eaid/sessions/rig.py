@@ -18,6 +18,7 @@ from eaid.options import SessionsOptions
 from eaid.results import codec
 from eaid.results.common import Inputs, Made, Number, Positive, Result
 from eaid.results.fit import Fit
+from eaid.results.statistics import as_numbers
 from eaid.results.verdict import FACTOR
 from eaid.sessions import gather
 from eaid.sessions.gather import RESPONSES, Session, SessionValue
@@ -29,6 +30,7 @@ FEW_SESSIONS = 5  # Sessions below which that is known to a factor only
 MANY_SESSIONS = 8  # From which they tell at which level gain and tilt are apart
 CARRIES = 0.5  # Part of its width that the next session's interval keeps where one session carried it
 TREND_CHANCE = 0.05
+BEYOND = 1.25  # Factor by which a level may lie beyond those of the sessions
 COMPONENTS = ("gain", "tilt", "session × level")
 # What is known of each session; the first one has to be
 SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", "a0", *RESPONSES)
@@ -145,16 +147,27 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         -------
         DataFrame
             Over the level: value, low and high of its 95 % interval, dof.
+
+        Raises
+        ------
+        UsageError
+            Another quantity than the sessions know, a level that none of them reaches, or steps that are no table.
         """
         if quantity and quantity not in self.quantities:
             raise UsageError(f"«quantity» {quantity}: the sessions know {', '.join(self.quantities)}")
         of, shown = self.quantities[quantity] if quantity else self.main, NO_STEPS
         if steps is not None:
+            if not isinstance(steps, pandas.DataFrame | Mapping):
+                raise UsageError("«steps»: give a DataFrame with the columns level and value, a reference step a row")
             rows = gather.table_values(pandas.DataFrame({"session": "", "sd_log": of.sd_step, **steps}))
             shown = steps_known((one.level, one.value, one.sd_log) for one in rows)
-        at = np.atleast_1d(np.array([one.level for one in of.next] if levels is None else levels, dtype=np.float64))
-        if not (at > 0).all():
-            raise UsageError("«levels»: have to be above 0, as the model is one of logarithms")
+        held = [one.level for one in of.next]
+        at = np.atleast_1d(as_numbers("levels", held if levels is None else levels))
+        low, high = held[0] / BEYOND, held[-1] * BEYOND
+        if outside := [u for u in at.tolist() if not low <= u <= high]:
+            raise UsageError(
+                f"«levels» {outside[0]:g}: the sessions hold {held[0]:g} … {held[-1]:g}, and tell nothing of so far off"
+            )
         found = self.foreseen(at, shown, quantity)
         columns = dict(zip(("value", "low", "high", "dof"), (found.value, *found.ends, found.dof), strict=True))
         return pandas.DataFrame(columns, index=pandas.Index(at, name="level"))
@@ -241,11 +254,12 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
     units = {"tau1": "s", "tau2": "s", "a0": "1/s", **dict.fromkeys(("Ts", *RESPONSES), base.data.output_unit)}
     found = {}
     for name in SESSION_NUMBERS:
-        values = gather.snapped([one for key, fit in fits.items() for one in gather.values_of_fit(fit, name, key)])
+        of_runs = gather.run_scatter([fit for fit in fits.values() if not gather.of_single_runs(fit)], name)
+        each = [one for key, fit in fits.items() for one in gather.values_of_session(fit, name, key, of_runs)]
+        values = gather.snapped(each)
         without = [key for key in fits if key not in {one.session for one in values}]
         if len(fits) - len(without) >= LEAST_SESSIONS:
-            runs = [sd for fit in fits.values() if (sd := gather.run_scatter(fit, name)) is not None]
-            sd_step = math.sqrt(float(np.mean(np.square(runs)))) if runs else None
+            sd_step = gather.run_scatter(fits.values(), name)
             one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
             if name == "Ts" or one[0].factor < FACTOR:
                 found[name] = one

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 from scipy.linalg import block_diag
+from scipy.special import stdtrit
 
 from eaid.arrays import Array, median
 from eaid.declared import given_options, part
@@ -35,8 +36,9 @@ from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
 
 NOT_FITTED = dict.fromkeys(("solver", "samples", "rmse", "sse", "fit_pct", "R2"))
+AS_READ = ("signs-turned", "input-late")  # How the plant takes a log, which a fit holds as a finding
 INPUTS_DRAWN = 11  # Over the range, beside the levels, through which a curve is put
-# Part of τ1 by which a step's dead time may lie off the plant's; factor by which its τ1 may lie off τ1's interval
+# Part of τ1 by which a step's dead time may lie off the plant's; factor by which τ1 may lie off a step's interval
 LATE_PART, TAU_SCATTER = 0.1, 1.05
 NextByName = Mapping[str, Next]  # What the sessions know, by its name
 
@@ -90,27 +92,38 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
         LevelResponse(u, 0, **values, ci95=ResponseIntervals(ends.get("held"), ends.get("peak")))
         for k, u in enumerate(levels.tolist()) for values, ends in (_at(foreseen, RESPONSES, k),)
     ]  # fmt: skip
-    late_s, moved = plant_in_steps(base, shown)
+    late_s, moved = plant_in_steps(rig, base, shown)
     if made.plant_ is not None and late_s is not None:
         made = replace(made, plant_=replace(made.plant_, dead_time_s=late_s))
-    told = ranked((*_today_findings(rig, steps["Ts"], foreseen), *moved, *stops(shown.findings)))
+    read = [one for one in shown.findings if one.code in AS_READ]
+    told = ranked((*_today_findings(rig, steps["Ts"], foreseen), *moved, *read, *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
     replayed = () if isinstance(step, Fit) else of_own_logs(made, step.logs)
     return replace(made, parameters=parameters_of(made), data=replace(data, replayed=replayed))
 
 
-def plant_in_steps(base: Fit, shown: Fit) -> tuple[float | None, list[Finding]]:
+def plant_in_steps(rig: Rig, base: Fit, shown: Fit) -> tuple[float | None, list[Finding]]:
     """What reference steps show of the plant that no T_s tells: a dead time other than its own [s], None where it is
-    that; with what is said of it, and of τ1 outside its interval."""
+    that; with what is said of it, and of a τ1 that none of the sessions makes likely."""
     if base.plant_ is None or base.plant.zeta is not None:
         return None, []
     late_s, found, plant = None, dict[str, Finding](), base.plant
+    steps = {one.level: one for one in values_of_fit(shown, "tau1", "")}
     for row in shown.friction_levels:
-        own, known = float(plant.time_constants(row.level)[0]), row.ci95.tau1 if row.ci95 is not None else None
+        own, one = float(plant.time_constants(row.level)[0]), steps.get(row.level)
         if late_s is None and abs(row.delay_s - plant.dead_time_s) > LATE_PART * own:
             late_s, known_s = row.delay_s, plant.dead_time_s
             found["dead time"] = finding("plant-moved", "today", what="dead time", a=late_s, b=known_s, unit=" s")
-        if known is not None and not known[0] / TAU_SCATTER < own < known[1] * TAU_SCATTER:
+        if one is None:
+            continue
+        if "tau1" in rig.quantities:
+            next_one = rig.foreseen(np.array([row.level]), quantity="tau1")
+            own = float(next_one.value[0])
+            low, high = next_one.of_a_run(max(rig.quantities["tau1"].sd_step, one.sd_log) ** 2)
+        else:
+            reach = TAU_SCATTER * np.exp(stdtrit(one.dof, 0.975) * one.sd_log)
+            low, high = own / reach, own * reach
+        if not low < row.tau1 < high:
             slow = finding("plant-moved", "today", what=f"τ1 at {row.level:.4g}", a=row.tau1, b=own, unit=" s")
             found.setdefault("tau1", slow)
     return late_s, list(found.values())

@@ -216,3 +216,12 @@ def test_a_lag_or_dead_time_that_the_step_alone_shows_is_told(rig, step):
     slow = eaid.today(rig, changed(step, levels=(slower,), level_steps=()))
     assert "τ1 at 60" in codes(slow)["plant-moved"].values["what"]
     assert "plant-moved" not in codes(eaid.today(rig, step))
+
+
+def test_a_rig_whose_output_counts_negative_has_a_today(make):
+    """Its step was replayed with the other sign, and the fit of today was not usable."""
+    logs = [make(k, 0.1 * k, levels=(20.0, 60.0, 100.0), repeats=2) for k in range(3)]
+    fits = [eaid.fit({name: log.assign(torque_nm=-log["torque_nm"]) for name, log in one.items()}) for one in logs]
+    (step,) = make(70, 0.4, levels=(60.0,), repeats=1).values()
+    today = eaid.today(eaid.sessions(fits), step.assign(torque_nm=-step["torque_nm"]))
+    assert today.verdict.usable and today.turned and today.data.replayed[0].fit_pct > 80
