@@ -38,6 +38,7 @@ from eaid.results.common import Interval, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Margin, MarginPoint, Margins, Timing
 from eaid.results.models import LinearLevel, StepShape
+from eaid.results.plant import falls_between
 
 LATE = 20  # Holds of dead time that the map of a loop spans at most
 MOST_DB, STEP_DB = 80.0, 2.0  # Gain margins are sought up to here, in such steps
@@ -307,15 +308,20 @@ def margins_of(
     return Margins(timing, tuple(rows), worst), missed
 
 
-def if_falls_are_releases(
-    loops: Mapping[str, Law], plant: Plant, points: Sequence[Point], timing: Timing
-) -> list[Finding]:
-    """Loops that lack 6 dB or 45° if falls between levels, which no log shows, are as quick as those to rest."""
-    quick = falling(replace(plant, falls_as_release=True))
-    if quick is None or plant.release is None or plant.falls_as_release or plant.falls != (1.0, 1.0):
+def supposed_falls(fit: Fit, plant: Plant | None, points: Sequence[Point]) -> list[Point]:
+    """The same points with falls as quick as those to rest, where these are known and no log shows falls between
+    levels; none elsewhere."""
+    tested = () if fit.recorded is None else fit.recorded.falls
+    seen = any(one.name == "fall_tau1" for one in tested) or bool(falls_between(fit.friction_levels))
+    if seen or plant is None or plant.release is None or falling(plant) is not None:
         return []
-    down = [Point(one.duty_pct, one.torque_nm, around(quick, one.duty_pct), True) for one in points]
-    each = {name: least_margins(law, down, timing) for name, law in loops.items()}
+    quick = falling(replace(plant, falls_as_release=True))
+    return [] if quick is None else [one._replace(plant=around(quick, one.duty_pct), falling=True) for one in points]
+
+
+def lacking_in_falls(loops: Mapping[str, Law], falls: Sequence[Point], timing: Timing) -> list[Finding]:
+    """Loops that lack 6 dB or 45° if falls between levels are as is supposed of them."""
+    each = {name: least_margins(law, falls, timing) for name, law in loops.items()} if falls else {}
     return [
         finding("margin-if-falls-are-releases", name, gain_db=one.gain_db, phase_deg=one.phase_deg, stable=one.stable)
         for name, one in each.items() if not enough(one)

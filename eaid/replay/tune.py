@@ -29,10 +29,11 @@ from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.margins import (
     Point,
     finite,
-    if_falls_are_releases,
+    lacking_in_falls,
     least_margins,
     margins_of,
     points_of,
+    supposed_falls,
 )
 from eaid.control.pi import PAPER_PI, PIGains, Wanted, step_metrics
 from eaid.errors import DataError
@@ -47,7 +48,6 @@ from eaid.replay.metrics import step, tracking_errors
 from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of
 from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
-from eaid.results.plant import falls_between
 
 OPEN_PART = 1.01  # By which B may lie outside of its range, and nothing is said
 LATER = 0.1  # Part of the dead time by which loops that are designed for a later one say so
@@ -66,6 +66,7 @@ class Task:
     bounds: RangeOfB
     scales: Scales
     points: Sequence[Point]  # Where margins are looked at
+    falls: Sequence[Point]  # Of falls between levels that no log shows, as quick as those to rest
     timing: Timing
     limits: tuple[float, float]
     wanted: Reference
@@ -110,15 +111,23 @@ class Task:
 
     def robust(self, settled: Design, pi: PIGains) -> tuple[Design, Robust]:
         """The robust controller of a design, with the layer that its loop can have."""
-        tuned = workable_rc(self.model, settled, self.scales, self.bounds, self.points, pi)
+        tuned = workable_rc(self.model, settled, self.scales, self.bounds, [*self.points, *self.falls], pi)
         return tuned, robust_of(self.model, self.bounds, tuned)
 
     def wanted_of(self, rc: Robust | None) -> Wanted:
         """What the other controllers of the table are designed for."""
         return Wanted(
             self.model, rc, self.timing, self.limits,
-            partial(quickest, self.model, self.points, self.timing, self.scales.pace),
+            partial(quickest, self.model, [*self.points, *self.falls], self.timing, self.scales.pace),
         )  # fmt: skip
+
+    def quickest_pi(self) -> tuple[AskedPI, bool]:
+        """The quickest PI; and whether it is slower for falls that no log shows, which it leaves out where no PI has
+        its margins there."""
+        how = self.model, self.timing, self.scales.pace
+        known = quickest_pi(how[0], self.points, *how[1:], self.units[0])
+        both = quickest(how[0], [*self.points, *self.falls], *how[1:]) if self.falls else known
+        return both or known, both not in (None, known)
 
     def errors(self, law: Law) -> Tracking:
         """What a controller does on the plant; nothing where there is none."""
@@ -163,7 +172,7 @@ def task_of(fit: Fit, options: TuneOptions, reference: str | Signal | None, refe
     name = reference_name or (reference if isinstance(reference, str) else "multisine")
     points = points_of(fit, plant, model, bounds.rows, limits)
     return Task(
-        fit, model, plant, bounds, scales, points,
+        fit, model, plant, bounds, scales, points, supposed_falls(fit, plant, points),
         timing, limits, from_its_start(reference_of(reference or "multisine", timing.step_s, scales)), name,
         reference is not None,
         phi_of(fit, model, bounds, plant),
@@ -188,12 +197,6 @@ def unknown_to_plant(fit: Fit) -> list[Finding]:
     return [one for one in fit.findings if one.code in UNKNOWN_TO_PLANT - shown]
 
 
-def falls_seen(fit: Fit) -> bool:
-    """Whether the logs of a fit show falls from level to level."""
-    tested = () if fit.recorded is None else fit.recorded.falls
-    return any(one.name == "fall_tau1" for one in tested) or bool(falls_between(fit.friction_levels))
-
-
 def tune(fit: Fit, options: TuneOptions, reference: str | Signal | None, reference_name: str) -> Gains:
     """`eaid.tune_rc` on what has been read; without a reference the multisine, which Q_M need not cover. GainsError
     where fit or wishes are not physical, out of reach or unstable, DataError where the fit lacks what is asked for."""
@@ -202,9 +205,9 @@ def tune(fit: Fit, options: TuneOptions, reference: str | Signal | None, referen
     if why and not options.anyway:
         raise DataError(f"the fit is NOT USABLE: {why}; «anyway» makes gains of it all the same, marked")
     task = task_of(fit, options, reference, reference_name)
-    settled = task.designed(options)
+    settled, slowed = task.designed(options), False
     if options.pi_gains is None and options.pi_overshoot is None:
-        asked = quickest_pi(task.model, task.points, task.timing, task.scales.pace, task.units[0])
+        asked, slowed = task.quickest_pi()
         settled = replace(settled, pi=asked)
     pi = pi_of(task.model, settled)
     no_rc = beyond_rc(task.model, task.timing, options)
@@ -227,9 +230,9 @@ def tune(fit: Fit, options: TuneOptions, reference: str | Signal | None, referen
         latest_s = fit.latest_dead_time_s
         findings.append(finding("designed-for-latest", "model", dead_time_s=fit.dead_time_s, latest_s=latest_s))
     findings += unknown_to_plant(fit)
-    if task.plant is not None and not falls_seen(fit):
-        both = {name: law for name, law in laws.items() if name in ("rc", "pi")}
-        findings += if_falls_are_releases(both, task.plant, task.points, task.timing)
+    if slowed:
+        findings.append(finding("falls-taken-as-releases", "pi"))
+    findings += lacking_in_falls({name: laws[name] for name in ("rc", "pi") if name in laws}, task.falls, task.timing)
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = task.step_of(pi)

@@ -260,7 +260,8 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
         without = [key for key in fits if key not in {one.session for one in values}]
         if len(fits) - len(without) >= LEAST_SESSIONS:
             sd_step = gather.run_scatter(fits.values(), name)
-            one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""))
+            apart = name not in gather.PARTS or not all(map(gather.of_single_runs, fits.values()))
+            one = quantity_of(values, list(fits), options, sd_step, units.get(name, ""), apart)
             if name == "Ts" or one[0].factor < FACTOR:
                 found[name] = one
         elif name == "Ts":
@@ -281,9 +282,10 @@ def rig_of_table(values: Sequence[SessionValue], options: SessionsOptions) -> Ri
 
 def quantity_of(
     values: Sequence[SessionValue], names: Sequence[str], options: SessionsOptions, sd_step: float | None = None,
-    unit: str = "",
+    unit: str = "", apart: bool = True,
 ) -> tuple[Quantity, SessionModel]:  # fmt: skip
-    """One number over the sessions, the next one foreseen; and its model."""
+    """One number over the sessions, the next one foreseen; and its model. `apart`: whether something tells runs from
+    sessions at a level; else a step's own scatter is taken as half of what both show, or more."""
     levels = np.unique([one.level for one in values])
     each = [{one.level for one in values if one.session == name} for name in names]
     terms = min(options.terms or 3, len(levels), max(1, len(values) - 2))
@@ -294,6 +296,7 @@ def quantity_of(
     model = SessionModel(_as_known(values, names), options.reference_level or middle, terms, np.zeros(3)).likeliest()[0]
     if options.reference_level is None and model.count >= MANY_SESSIONS:
         model = model.placed()
+    sd = sd if apart else max(sd, math.sqrt(float(model.variances[2]) / 2))
     now, (best, after) = model.next(model.knots), model.worth_most(sd)
     finer = replace(model, known=replace(model.known, W=0.75 * model.known.W)).next(model.knots)
     rows = np.column_stack([now.level, now.value, *now.ends, now.dof, np.exp(now.reach), np.exp(after.reach)])

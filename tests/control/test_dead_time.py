@@ -15,10 +15,12 @@ from scipy.signal import butter, lfilter, step
 import eaid
 from eaid.arrays import Array
 from eaid.control.gains import law_of
+from eaid.control.margins import enough, margins, points_of, supposed_falls
 from eaid.control.rc import rc_step
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.plant.operating import around
 
+from ..conftest import codes
 from .test_smith import fit_of as heater
 
 LEVELS = dict.fromkeys(range(10, 101, 30), 1.0)
@@ -158,7 +160,7 @@ def test_behind_a_dead_time_longer_than_its_lag_there_is_no_robust_controller(la
 def test_the_margins_are_python_controls(small_fit: Any) -> None:
     """Around a level behind 20 samples of dead time: the exact sampled loop, its delays as states."""
     control = pytest.importorskip("control")
-    from eaid.control.margins import Point, enough, holds, margins
+    from eaid.control.margins import Point, holds
     from eaid.control.pi import PIGains
     from eaid.results.gains import Timing
 
@@ -188,22 +190,35 @@ def test_a_dead_time_that_is_given_is_held(small_steps: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("part", "seen", "told"),
+    ("part", "seen", "slower"),
     [(0.2, False, True), (0.2, True, False), pytest.param(1.0, False, False, marks=pytest.mark.slow)],
 )
-def test_releases_quicker_than_rises_are_told_where_no_log_shows_falls_between_levels(
-    small_fit: Any, part: float, seen: bool, told: bool
+def test_where_no_log_shows_falls_between_levels_loops_are_for_falls_as_quick_as_to_rest(
+    small_fit: Any, part: float, seen: bool, slower: bool
 ) -> None:
-    """A PI of 8.4 dB for 5.7, where falls between levels go as those to rest."""
+    """A PI of 8.4 dB had 5.7 there, and was only warned of."""
     tau1, tau2 = (float(one) for one in small_fit.plant.time_constants(60.0))
     plant = msgspec.structs.replace(small_fit.plant_, dead_time_s=0.1, release=(part * tau1, part * tau2))
     rows = small_fit.friction.levels
     if seen:
         rows = (*rows, msgspec.structs.replace(rows[0], from_=rows[-1].level))
-    friction = msgspec.structs.replace(small_fit.friction, levels=rows)
-    gains = eaid.tune_rc(msgspec.structs.replace(small_fit, plant_=plant, friction=friction))
-    values = [one.values for one in gains.findings if one.code == "margin-if-falls-are-releases"]
-    assert bool(values) == told and all(one["gain_db"] < 6 or one["phase_deg"] < 45 for one in values)
+    fit = msgspec.structs.replace(
+        small_fit, plant_=plant, friction=msgspec.structs.replace(small_fit.friction, levels=rows)
+    )
+    gains, of_rises = eaid.tune_rc(fit), eaid.tune_rc(msgspec.structs.replace(fit, plant_=small_plant(plant)))
+    assert ("falls-taken-as-releases" in codes(gains)) == slower == (gains.pi.K_P < of_rises.pi.K_P)
+    assert "margin-if-falls-are-releases" not in codes(gains)
+    falls = supposed_falls(fit, fit.plant, points_of(fit, fit.plant, gains.model, (), gains.duty_limits_pct))
+    assert bool(falls) == ((not seen and part < 1) or part == 1.0)
+    assert all(enough(margins(law_of(gains, "pi"), one, gains.margins.timing)) for one in falls)
+    if slower:  # gains that are given are judged as they are
+        given = eaid.tune_rc(fit, pi_gains=(of_rises.pi.K_P, of_rises.pi.K_I))
+        assert codes(given)["margin-if-falls-are-releases"].values["gain_db"] < 6
+
+
+def small_plant(plant: Any) -> Any:
+    """The same, whose falls nobody knows."""
+    return msgspec.structs.replace(plant, release=None)
 
 
 def test_a_sensor_behind_a_filter_is_late_and_its_rises_are_not_slower() -> None:

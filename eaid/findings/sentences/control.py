@@ -99,6 +99,10 @@ ROWS: dict[str, Row] = {
         "T_s(u) falls around {levels} {unit}, the levels' T_s within their intervals do not: gains and margins are for "
         "a rig that rises there as it does beside it"
     ),
+    "falls-taken-as-releases": caution(
+        "no log shows falls from level to level: the loops are slower, to have their margins where these are as quick "
+        "as falls to rest; steps down from level to level tell"
+    ),
     "margin-if-falls-are-releases": caution(
         lambda v: (
             f"the {v['subject'].upper()} loop has "
