@@ -1,7 +1,8 @@
 """The numbers of a design where nothing is said: the paper's, or the rig's own by its units, pace and dead time.
 
-On a rig in % duty and N·m the paper's numbers stand (Table IV, §V). On any other rig the same design is made for the
-rig's own scales: its pace s = a0/1.36, 1.36 1/s being the paper's a0, and its top y, the output at the highest input:
+On a rig in % duty and N·m, up to four times as quick or slow as the paper's, the paper's numbers stand (Table IV, §V).
+On any other rig the same design is made for the rig's own scales: its pace s = a0/1.36, 1.36 1/s being the paper's a0,
+and its top y, the output at the highest input:
 
     K_P = 4.5 s²,  K_D = 3 s                      the same error dynamics on the rig's own clock
     ε = 0.11 y Q22,  γ = 25/ε                     the boundary layer spans the same share of the output; γε as printed
@@ -45,6 +46,7 @@ OVERSHOOT_PCT, SETTLING_S = 1.0, 0.27  # What the paper's PI was meant to reach 
 SLOWER = 1.5  # Factor on a settling time, or on ε, that the sampled loop cannot have
 SLIGHTLY = SLOWER**0.25  # The same where only a gain larger than the fitted one keeps the loop from its margins
 MOST_BISECTIONS = 40
+PAPERS_PACE = 4.0  # Factor by which a rig may be quicker or slower than the paper's, and have its numbers
 PARTS_OF_PI = (0.5, 0.25, 0.1)  # Of the PI's slopes, that an RC is given in turn where its own are too quick
 LONG = 1.0  # Dead time over 1/a0 beyond which there is no robust controller
 
@@ -61,9 +63,10 @@ def scales_of(fit: Fit, plant: Plant | None = None) -> Scales:
     """What the rig's clock and output are scaled by; the paper's numbers are for a clutch that neither rings, nor
     overshoots, nor has its lags in series."""
     papers = plant is None or plant.kind in ("parallel", "lag")
-    if papers and is_duty(fit) and fit.data.output_unit in ("N·m", "Nm"):
-        return Scales(True, 1.0, 1.0)
     pace = fit.linear.a0 / PAPER_LINEAR.a0 if fit.linear is not None and fit.linear.a0 > 0 else 1.0
+    near = plant is None or 1 / PAPERS_PACE <= pace <= PAPERS_PACE
+    if papers and near and is_duty(fit) and fit.data.output_unit in ("N·m", "Nm"):
+        return Scales(True, 1.0, 1.0)
     rows = fit.linear.per_level if fit.linear is not None else ()
     top = max((row.gain for row in rows), default=PAPER_TOP)
     if plant is not None:

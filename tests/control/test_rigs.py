@@ -1,17 +1,19 @@
 """What a design takes where nothing is said, on the paper's rig and on others; fits and gains that are refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas
 import pytest
 
 import eaid
+from eaid.control.margins import enough
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
 from eaid.results.verdict import judged
 
-from ..conftest import GAINS
+from ..conftest import GAINS, codes
 
 VOLTS = {"input_unit": "V", "output_unit": "N", "levels": [1.0, 5.0], "sample_rate_hz": 500.0}
 
@@ -68,6 +70,18 @@ def test_a_rig_in_another_unit_of_time_has_the_same_loop(tuned):
     assert found.epsilon == pytest.approx(100 * fast.epsilon)
     assert np.ravel(found.Q) == pytest.approx(np.ravel(fast.Q) * [0.01, 1, 1, 100])
     assert pytest.approx((fast.equal_pi.K_P, fast.equal_pi.K_I / 100)) == (found.equal_pi.K_P, found.equal_pi.K_I)
+
+
+@pytest.mark.parametrize("times", [1 / 30, 200.0])
+def test_a_rig_far_quicker_or_slower_has_its_own_loop_in_the_papers_units_too(small_steps, times):
+    """With the paper's K_P of 4.5 an RC had 0.84 dB where τ is 30 ms, and was unstable, PI and all, where it is min."""
+    levels = tuple(replace(one, time_s=times * one.time_s) for one in small_steps.levels)
+    fit = eaid.fit(replace(small_steps, levels=levels, level_steps=(), logs=()), ci="none")
+    gains = eaid.tune_rc(fit)
+    assert fit.linear.a0 * times == pytest.approx(2.5, rel=0.1) and "designed-for-rig" in codes(gains)
+    assert (gains.rc.K_P > 20 * 4.5) if times < 1 else (gains.rc.K_P < 4.5 / 20)
+    for name in ("rc", "pi"):
+        assert enough(gains.margins.worst[name])
 
 
 def test_a_plant_says_how_high_its_output_and_its_input_go(tuned):
