@@ -204,7 +204,7 @@ def hits(found: Fit, true: dict[str, Any], off: Array | float = 1.0) -> dict[str
     ]
     for name in ("B_m", "B_M"):
         assert linear.bounds is not None
-        result[f"linear {name}"] = [inside(getattr(linear.bounds.ci95, name), true[name])]
+        result[f"linear {name}"] = [inside(getattr(linear.bounds.ci95, name, None), true[name])]
     return result
 
 

@@ -288,6 +288,18 @@ def test_lights_are_as_grave_as_what_was_found(findings, converged, wanted, repo
     assert page.lights[0][1] == f"1 run; {'1 stop: test at 5 %' if 'stop' in of_data else 'no warning'}"
 
 
+def test_what_was_found_of_a_second_fit_stands_under_its_own_name(report_of):
+    """A clutch's page said that its plant is two lags in series, which was the other's."""
+    first, second = (
+        {"schema": "eaid/fit/2", "linear": LINEAR, "data": {"kind": "clutch"}, "findings": [finding(*one)]}
+        for one in (("caution", "linear", "own-matter"), ("caution", "linear", "the-others-matter"))
+    )
+    page = report_of(first, second)
+    own, folded = page.html.split("Clutch, ", 1)
+    assert "own-matter" in own and "the-others-matter" not in own and "the-others-matter" in folded
+    assert page.lights[1][1] == "usable; 1 warning: own matter at 5 %"
+
+
 GAINS = {"schema": "eaid/gains/1", "model": {"a0": 1.8, "b0": 0.08, "c0": -1.3}, "pi": {"K_P": 21.0, "K_I": 360.0}}
 
 

@@ -11,7 +11,7 @@ import os
 import re
 import shlex
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ from eaid.report.page import summary
 from eaid.report.page.summary import GRADES, ByPart, sentence
 from eaid.report.results import EXPERIMENT_NAMES, Given, Results
 from eaid.report.tables import Name, Table, cell_text, data, fits, gains, replays, sessions, table_of
+from eaid.results.fit import Fit
 from eaid.sessions.compare import Comparison
 from eaid.shown import counted
 from eaid.version import __version__
@@ -147,9 +148,13 @@ def _sentences(findings: Iterable[Finding], of_data: bool) -> tuple[tuple[str, s
     return tuple((found.severity, sentence(found, of_data)) for found in findings)
 
 
-def _of_another_kind(results: Results, kind: str) -> tuple[tuple[str, str], ...]:
-    """What was found of a kind that the page is not about: it stands in that kind's own fold."""
-    if kind == results.main_kind:
+def _found_beside(results: Results, given: Given[Any], kind: str) -> tuple[tuple[str, str], ...]:
+    """What was found of data or a fit that the page is not about: it stands in a fold of its own. What was found of the
+    data of another kind stands with its first fit."""
+    if isinstance(given.result, Fit):
+        first = given.result is results.fit(kind)
+        results = replace(results, fits=(given,), data=results.data if first else ())
+    elif kind == results.main_kind or results.fit(kind) is not None:
         return ()
     known = summary.known_findings(results, kind)
     return _sentences(known["data"], True) + _sentences(known["model"], False)
@@ -183,12 +188,13 @@ def _data_part(results: Results, known: ByPart, drawn: Figures) -> Block | None:
     main = results.main_data or next(of_main_kind, None)
     tables: list[Table] = []
     folds: list[Block] = []
-    for steps in (given.result for given in results.data):
+    for given in results.data:
+        steps = given.result
         every = [data.levels_recorded(steps), data.slips_table(steps), data.runs_table(steps)]
         if steps is main:
             tables = every
         else:
-            found = _of_another_kind(results, steps.kind) if results.fit(steps.kind) is None else ()
+            found = _found_beside(results, given, steps.kind)
             folds += _block(f"{EXPERIMENT_NAMES[steps.kind].capitalize()}: every run", (), every, found)
     alone = () if results.fits else ("fig07_nonlinear_model", "fig03_friction_steps")
     figures = _of(drawn, *alone, "fig06_hold_and_release", "fig02_pwm")
@@ -206,7 +212,7 @@ def _model_part(results: Results, known: ByPart, drawn: Figures) -> Block | None
         if given.result is not main:
             of = given.result.data.kind
             title = EXPERIMENT_NAMES[of].capitalize() + (f", {given.path}" if kinds.count(of) > 1 else "")
-            found = _of_another_kind(results, of) if given.result is results.fit(of) else ()
+            found = _found_beside(results, given, of)
             folds += _block(title, _of(drawn, *KIND_FIGURES[of]), fits.model_tables(given.result), found)
     tables = fits.model_tables(main) if main is not None else []
     return _part("Model", known, figures, tables, folds, 4)

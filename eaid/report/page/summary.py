@@ -34,7 +34,8 @@ ByPart = Mapping[str, tuple[Finding, ...]]  # Part of the page → its findings,
 
 
 def known_findings(results: Results, kind: str | None = None) -> ByPart:
-    """All findings, of fits and data those of one kind, the page's own or another; sorted, those of one code as one."""
+    """All findings, of data and its first fit those of one kind, the page's own or another; sorted, those of one code
+    as one."""
     results = results.of_kind(kind or results.main_kind)
     found: dict[str, list[Finding]] = {
         "data": [one for data in results.data for one in data.result.all_findings], "model": [],
@@ -43,7 +44,7 @@ def known_findings(results: Results, kind: str | None = None) -> ByPart:
         "sessions": [one for given in results.comparisons for one in given.result.findings],
     }  # fmt: skip
     found["sessions"] += [one for given in results.rigs for one in given.result.findings]
-    for one in (one for fit in results.fits for one in fit.result.findings):
+    for one in (one for fit in results.fits[:1] for one in fit.result.findings):
         of_the_model = one.subject in (*MODEL_WORDS, "fit", "plant") or one.code in ABOUT_THE_CURVE
         found["model" if of_the_model else "data"].append(one)
     for part, group in found.items():  # each once: a fit repeats what its data already said

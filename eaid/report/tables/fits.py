@@ -148,7 +148,7 @@ def linear_table(fit: Fit) -> Table:
 
 
 def input_gain_table(fit: Fit) -> Table:
-    """Eq. (8) fitted to each level: a0, steady value, B."""
+    """Eq. (8) fitted to each level: a0, b0, B."""
     part, unit, out = fit.linear, fit.data.input_unit, fit.data.output_unit
     assert part is not None
     caption = "The linear model of each level by itself."
@@ -159,7 +159,7 @@ def input_gain_table(fit: Fit) -> Table:
         caption += " Published: 12.4 and 42.6."
     return table_of(
         "Input gain of each level", caption, part.per_level,
-        (("level", unit), lambda one: level(one.level)), (("a0", "1/s"), "a0"), (("steady value", out), "gain"),
+        (("level", unit), lambda one: level(one.level)), (("a0", "1/s"), "a0"),
         ("b0", "b0"), (("c0", f"{out}/s"), "c0"), (("B", gain_unit(unit, out)), "B"),
         (INTERVAL, lambda one: ci95_of(one, "B")), (("RMSE", out, 3), "rmse"),
     )  # fmt: skip
