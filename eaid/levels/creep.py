@@ -70,7 +70,7 @@ def find_share_and_creep(stepset: StepSet, share: ShareEstimate, held: float) ->
             free = C.differs(held)
         if not free:
             C, rate, cost = _share_and_rate(levels, t0, held, at_idle)
-        if _creeps(rate, levels, idle) and not (single and _cost_of_share(levels, held) <= cost):
+        if _creeps(rate, levels, idle) and (free or cost < _cost_of_share(levels, held)):
             told = free and share_is_told(C.value - C.half, C.value + C.half)
             of_levels = {level.level: float(one) for level, one in zip(levels, t0, strict=True)}
             return told, Creep(rate.value, rate.error, rate.half, median(np.concatenate(middles)), of_levels)
@@ -97,8 +97,8 @@ def _creeps(rate: Told, levels: Sequence[Level], idle: Array) -> bool:
 
 
 def _cost_of_share(levels: Sequence[Level], held: float) -> float:
-    """What another C leaves where nothing creeps: single runs do not say how sure it is, but which of the two leaves
-    less."""
+    """What another C leaves where nothing creeps: where the runs do not tell both, that of the two which leaves less is
+    taken."""
     data = data_of(levels)
     return float(fit_levels_first(data, held).steps.weight @ fit_levels_first(data, None).at.cost)
 
