@@ -111,6 +111,6 @@ def test_single_runs_tell_a_creep_by_their_levels(C: float, creep: float) -> Non
 @pytest.mark.parametrize("seed", [0, 5])
 def test_another_c_is_no_creep_where_the_idle_time_is_too_short_to_tell(seed: int) -> None:
     """Of the reference plant with C of 0.88: a creep was taken off, T_s held its truth in 56 of 100, τ2 in 44."""
-    fit = eaid.fit(one_set(seed, VARIANTS["share"]), model=("friction",))
+    fit = eaid.fit(one_set(seed, VARIANTS["share"]))
     codes = {one.code for one in fit.findings}
     assert "share-by-evidence" in codes and "creep-taken-off" not in codes
