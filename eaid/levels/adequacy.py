@@ -40,8 +40,9 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
     """(level, percent of the peak lost) where the output falls under hold by more than `OVERSHOOT` and than chance.
 
     The peak of a run is looked for in the other runs, so that noise does not make one. The falls of the runs of a level
-    are then compared with what they scatter, pooled over the levels (t test, one in a hundred); the fall of a single
-    run with what its own smoothed output scatters about a straight line after the peak (one in a thousand).
+    are then compared with what they scatter, pooled over the levels (t test, one in a hundred), and what the smoothed
+    mean scatters about a straight line after the peak, which is more at low levels; the fall of a single run with the
+    latter alone (one in a thousand).
     """
     falls = [_losses_under_hold(level) for level in levels]
     spare = sum(len(fall) - 1 for fall in falls)
@@ -51,13 +52,15 @@ def decays(levels: Sequence[Level]) -> list[tuple[float, float]]:
         smooth = whole_means(level.mean, PEAK_PART)
         if (peak := float(smooth.max())) <= 0:
             continue
-        error, degrees, chance = np.sqrt(pooled / len(fall)), float(spare), DECAY_CHANCE
+        after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // PEAK_PART)]
+        left = fit_line(np.arange(len(after)), after).left if len(after) >= 4 else np.full(4, np.inf)
+        own = np.sqrt(2 * (left @ left) / (len(left) - 2)) / peak
+        error = max(own if len(after) >= 4 else 0.0, np.sqrt(pooled / len(fall)))
+        degrees, chance = float(spare), DECAY_CHANCE
         if len(fall) == 1:
-            after = smooth[int(smooth.argmax()) :: max(1, len(level.mean) // PEAK_PART)]
-            left = fit_line(np.arange(len(after)), after).left if len(after) >= 4 else np.full(4, np.inf)
-            error, degrees, chance = np.sqrt(2 * (left @ left) / (len(left) - 2)) / peak, SINGLE_DEGREES, SINGLE_CHANCE
-        lost = (peak - float(smooth[-1])) / peak
-        if lost > OVERSHOOT and fall.mean() > t_quantile(degrees, 1 - 2 * chance) * error:
+            error, degrees, chance = own, SINGLE_DEGREES, SINGLE_CHANCE
+        least = max(OVERSHOOT, float(t_quantile(degrees, 1 - 2 * chance) * error))
+        if fall.mean() > least and (peak - float(smooth[-1])) / peak > OVERSHOOT:
             falling.append((level.level, hold_of(level.runs).lost_pct))
     return falling
 

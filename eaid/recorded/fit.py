@@ -67,6 +67,7 @@ from eaid.steps.stepset import Level, StepSet
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
 MOST_HIDDEN = 0.2  # Part of the changes of an input that gaps may hide
+CHECK_A_CURVE = 4  # Levels that tell whether T_s(u) between them is that of its curve
 EXPLAINED_PCT = 80.0  # Of each log, from which on its steps by themselves are not asked
 
 
@@ -359,6 +360,9 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     options, logs, model = experiment.options, experiment.logs, chosen.solved.setup.model
     wanted = options.model or ("friction", "nonlinear", "linear")
     findings = [*input_findings(experiment), *find_parted_logs(logs)]
+    if experiment.inputs.stepwise and 1 < (count := len(experiment.inputs.levels)) < CHECK_A_CURVE:
+        bent = model.Ts is not None and model.Ts.size > 1
+        findings += [finding("few-levels-for-polynomials", "nonlinear", count=count)] if bent else []
     if not experiment.rests:  # another kind's T_s goes through rest, and tells the idle output so
         code = "idle-not-seen" if model.kind == "parallel" else "rest-not-seen"
         findings += [finding(code, log.name) for log in logs]

@@ -159,3 +159,17 @@ def test_noise_is_no_decay_under_hold(runs: int, keep: float, lost: int) -> None
     assert len(decays(levels)) <= 3
     falling = [Level(one.level, T_LONG, one.runs * (1 - 0.03 * T_LONG), one.names) for one in levels]
     assert len(decays(falling)) > 50
+
+
+def test_noise_of_a_low_level_is_no_decay() -> None:
+    """How much higher levels scatter says little of one whose noise is as large as it: 9 of 60 were told to fall."""
+    random, t, told = np.random.default_rng(7), np.arange(2000) * 0.01, 0
+    for _ in range(60):
+        levels = []
+        for u in (5.0, 20.0, 60.0, 100.0):
+            clean = step_response(Step(3.0 * (u / 100) ** 1.6, 0.5, 8.0), t) * (
+                1 + 0.03 * random.standard_normal((2, 1))
+            )
+            levels.append(Level(u, t, clean + 0.02 * random.standard_normal((2, len(t))), ("a", "b")))
+        told += len(decays(levels))
+    assert told == 0

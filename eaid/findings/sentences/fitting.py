@@ -211,7 +211,8 @@ ROWS: dict[str, Row] = {
         first="record more levels",
     ),
     "few-levels-for-polynomials": caution(
-        "{count:#level} pin the polynomials of T_s, τ1, τ2 exactly or not at all: nothing checks their shape"
+        "{count:#level} pin the polynomials of T_s, τ1, τ2 exactly or not at all: between the levels nothing checks "
+        "their shape, and no interval there holds; record more levels"
     ),
     "parameter-unknown-at-half-the-levels": caution(
         lambda v: (
