@@ -162,9 +162,9 @@ class Searched:
 
 
 def choose_plant(experiment: Experiment) -> Chosen:
-    """The plant of the logs, without a creep of their outputs where they show one; loops are not asked."""
+    """The plant of the logs, without a creep of their outputs where they show one; steps and loops are not asked."""
     chosen, logs = _choose_plant(experiment), experiment.logs
-    if not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
+    if experiment.others or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
     gains = find_gain_drift(chosen.tried)
     creeps = np.zeros(0) if chosen.clutch is None else find_far_creeps(chosen.clutch, chosen.logs, gains)
@@ -198,14 +198,14 @@ def _choose_behind_drift(experiment: Experiment, gains: Array, chosen: Chosen) -
 
 def _choose_plant(experiment: Experiment) -> Chosen:
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
-    as much with less, or more."""
+    as much with less, or more. Logs with steps beside them keep the clutch's."""
     logs, options = experiment.logs, experiment.options
     clutch = None if experiment.signed else _fit_clutch(experiment)
     inside, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
     near = BEYOND_INPUTS * float(inside.max())
     beyond = asked is not None and not inside.min() - near <= asked[0] < asked[1] <= inside.max() + near
     # another kind says nothing of inputs never seen
-    alone = options.share == SHARE and not beyond
+    alone = not experiment.others and options.share == SHARE and not beyond
     # where no input ever changes, gain and idle output cannot be told apart
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
     if clutch is not None and (still or not alone or options.through):
@@ -498,9 +498,9 @@ def _fit_clutch(experiment: Experiment) -> Chosen:
     """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
     logs, inputs, options, falls = experiment.logs, experiment.inputs, experiment.options, experiment.falls
     model = forms.nonlinear(inputs.basis, options.held_share)
-    base = fit_setup(setup_of(model, logs, experiment.rests))
+    base = fit_setup(setup_of(model, [*logs, *experiment.others], experiment.rests))
     base = fit_falls_as_left(base) if falls else base
-    ask_share = options.share == SHARE
+    ask_share = options.share == SHARE and not experiment.others
     behind, acting, late = fit_behind_dead_time(base, experiment)
     moved = behind.fitted.dead_time_of_plant(behind.x) > 0 or any(one.rows for one in late)
     if ask_share and moved and (free_first := refit_with_share_free(base)) is not None:  # a wrong C moves inputs
