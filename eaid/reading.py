@@ -255,8 +255,7 @@ def steps_in(
     steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)
-    beside = bool(uncut) and all(run.has_input and not run.cut for run in whole)
-    if how == "auto" and (beside or two_sided(steps) or mostly_ramps(steps)):
+    if how == "auto" and (two_sided(steps) or mostly_ramps(steps)):
         uncut, whole, steps = [*uncut, *whole], [], []
     steps = counted_once([bridged(Cut(run)) for run in steps] if options.repair else steps)
     rises = Counter(run.source for run in steps if run.edge == "rising" and run.from_level == 0)
