@@ -262,7 +262,7 @@ def compare(
     *others: Fit | Paths,
     gains: Gains | File | None = None,
     reading: ReadOptions | None = None,
-    names: Sequence[str] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ",
+    names: Sequence[str] | None = None,
     options: CompareOptions | None = None,
     controller: Literal["rc", "pi", "pi-feedforward", "smith", "open-loop", "inverse"] | None = None,
     plants: int = 60,

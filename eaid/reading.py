@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from eaid.arrays import median
+from eaid.arrays import median, read_only
 from eaid.declared import as_typed
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
@@ -32,11 +32,12 @@ from eaid.steps.cut import active_low, cut_runs, refuse_percent, settled_steps
 from eaid.steps.onset import let_go, onset
 from eaid.steps.plateaus import AT_REST_BELOW, FEWEST_HELD, fitted_as, plateaus, switching
 from eaid.steps.repeats import counted_once
-from eaid.steps.step import Cut
+from eaid.steps.step import Cut, usual_step
 from eaid.steps.stepset import StepSet
 
 MOSTLY_STILL = 0.9  # Part of a log that stands still where it is at rest throughout
 ASKED = {"time-unclear", "time-unit-differs"}  # What is asked before anything else is done
+ROWS_APART = 2.0  # Rows from one part of a log to the next that is joined to it, at most
 TOGETHER = 0.02  # Share of the longest log within which outputs are let go at one time
 
 
@@ -213,6 +214,30 @@ def mostly_ramps(steps: Sequence[Run]) -> bool:
     return 2 * len(ramps) > len(rises)
 
 
+def as_logs(runs: Sequence[Run], steps: Sequence[Run], rest: float) -> list[Run]:
+    """Runs as logs of any input: as they were read where that is known, else the `steps` that were cut out of them,
+    with their level from the step on, or up to it, each joined to what it goes on from."""
+    found = [run for run in runs if run.has_input and not run.cut]
+    known = {run.source for run in found}
+    parts: list[Run] = []
+    for step in (one for one in steps if one.source not in known):
+        before, after = sorted((step.from_level, step.level or 0.0), reverse=step.edge == "falling")
+        held = step.input if step.has_input else np.where(step.time_s >= (step.step_s or 0.0), after, before)
+        log = replace(step, input=read_only(rest + held), level=None, step_s=None, until_s=None, cut=False)
+        last = parts[-1] if parts else None
+        if (
+            last is None
+            or last.source != log.source
+            or not 0 < log.time_s[0] - last.time_s[-1] < ROWS_APART * usual_step(last.time_s)
+        ):
+            parts.append(log)
+            continue
+        pairs = (last.time_s, log.time_s), (last.input, log.input), (last.output, log.output)
+        time_s, both, output = (read_only(np.concatenate(pair)) for pair in pairs)
+        parts[-1] = replace(last, time_s=time_s, input=both, output=output)
+    return [*found, *(log for log in parts if (log.input != rest).any())]
+
+
 def read_whole(paths: Sequence[Path], options: ReadOptions, before: Mapping[str, Any]) -> list[Run]:
     """Whole logs, read as those of a fit were `before` where nothing else is said."""
     runs = read_like(paths, options, before)
@@ -261,6 +286,8 @@ def steps_in(
     rises = Counter(run.source for run in steps if run.edge == "rising" and run.from_level == 0)
     several = max(rises.values(), default=0) > 2 and not any(run.cut for run in whole)
     swept = to_be_recorded(whole, options) if how == "auto" and several else []
+    if uncut and how == "auto" and not any(run.position is not None for run in whole):
+        swept = to_be_recorded([*uncut, *as_logs(whole, steps, options.rest)], options) if whole else []
     uncut = to_be_recorded(uncut, options)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))

@@ -554,8 +554,11 @@ def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solv
     sizes = sizes[(sizes > 0) & (sizes >= model.low) & (sizes <= model.high)]
     if len(sizes) < count:
         return base
-    at = np.array([model.low, *np.quantile(sizes, np.linspace(0, 1, count)[1:-1]), model.high])
-    if (np.diff(at) < LEAST_APART_KNOTS * (model.high - model.low)).any():
+    for shown in (sizes, np.unique(sizes)):  # where most of the time goes to few inputs, as these lie
+        at = np.array([model.low, *np.quantile(shown, np.linspace(0, 1, count)[1:-1]), model.high])
+        if far := bool((np.diff(at) >= LEAST_APART_KNOTS * (model.high - model.low)).all()):
+            break
+    if not far:
         at = np.linspace(model.low, model.high, count)
     found = fit_through(base, Knots(tuple(at.tolist())))
     chance = SHARE_CHANCE if count == KNOTS else DEFAULT_CHANCE  # once no cubic does, a few more cost little

@@ -24,6 +24,7 @@ from eaid.results.recorded import LogsHeldOut
 
 THIRDS = ("last", "middle", "first")
 MOST_FOLDS = 4  # Of several logs
+INPUT_DIGITS = 3  # Of an input over the largest, by which it is another
 AGREES = 0.02  # Part by which the whole fit may leave more of the others than their own
 PART_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which the fit without a part stands
 
@@ -33,8 +34,8 @@ def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[Recor
     if any(log.reference is not None for log in logs):  # its duty answers the noise: one log's is no other's
         return None
     all_logs, folds = [*logs, *others], list[tuple[str, float, int, bool]]()
-    solved = hold_creeps(solved)
-    for named, rows in _parts_left_out(logs):
+    solved, curve = hold_creeps(solved), solved.setup.model.Ts
+    for named, rows in _parts_left_out(logs, 0 if others or curve is None else curve.size):
         part = [replace(log, output=np.where(out, np.nan, log.output)) for log, out in zip(logs, rows, strict=True)]
         missed, agrees = _missed(solved, [*part, *others], all_logs)
         seen = [out[np.isfinite(log.output)] for out, log in zip(rows, logs, strict=True)]
@@ -58,32 +59,35 @@ def _judge_folds(folds: Sequence[tuple[str, float, int, bool]], size: float, rms
     return LogsHeldOut(names[-1], 100 * (1 - rms / size), 100 * (1 - held / size))
 
 
-def _parts_left_out(logs: Sequence[RecordedLog]) -> Iterator[tuple[str, list[Mask]]]:
-    """What is left out of each log, one fit after another, and its name."""
+def _parts_left_out(logs: Sequence[RecordedLog], terms: int) -> Iterator[tuple[str, list[Mask]]]:
+    """What is left out of each log, one fit after another, and its name; T_s(u) has so many `terms`."""
     nothing = [np.zeros(len(log.input), dtype=bool) for log in logs]
     if len(logs) > 1:
         folds = min(len(logs), MOST_FOLDS)
         for fold in range(folds):
             rows = [none | (k % folds == fold) for k, none in enumerate(nothing)]
-            if _inputs_within(logs, rows):
+            if _inputs_within(logs, rows, terms):
                 yield "logs", rows
         return
     (log,) = logs
     share = (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
     for name, low in zip(THIRDS, (2 / 3, 1 / 3, 0.0), strict=True):
         rows = [(share >= low) & (share <= low + 1 / 3)]
-        if _inputs_within(logs, rows):
+        if _inputs_within(logs, rows, terms):
             yield f"{name} third", rows
             return
 
 
-def _inputs_within(logs: Sequence[RecordedLog], rows: Sequence[Mask]) -> bool:
-    """Whether the inputs left out lie within the others, which move, too."""
+def _inputs_within(logs: Sequence[RecordedLog], rows: Sequence[Mask], terms: int) -> bool:
+    """Whether the inputs left out lie within the others, which move, too, and are as many as T_s(u) has terms."""
     out = np.concatenate([log.input[one] for log, one in zip(logs, rows, strict=True)])
     seen = np.concatenate([log.input[~one] for log, one in zip(logs, rows, strict=True)])
     if not len(seen) or not len(out) or np.ptp(seen) == 0:
         return False
-    beyond = BEYOND_INPUTS * float(np.abs(seen).max())
+    top = float(np.abs(seen).max())
+    if (np.unique(np.round(np.abs(seen) / top, INPUT_DIGITS)) > 0).sum() < terms:
+        return False
+    beyond = BEYOND_INPUTS * top
     return bool(out.min() >= seen.min() - beyond and out.max() <= seen.max() + beyond)
 
 
