@@ -118,11 +118,12 @@ QUICK_PWM = 20  # Periods of a PWM in a sample from which its latch adds nothing
 def control_rate(fit: Fit) -> float:
     """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's; on a rig slower than the paper's
     in proportion to its pace, with so many samples in its shortest lag."""
-    pace, rate = scales_of(fit).pace, (fit.data.apparatus or Apparatus()).sample_rate_hz
+    held = fit.plant_ is not None or fit.nonlinear is not None
+    pace, rate = scales_of(fit, fit.plant if held else None).pace, (fit.data.apparatus or Apparatus()).sample_rate_hz
     if pace >= 1:
         return rate
     least = 0.0
-    if fit.plant_ is not None or fit.nonlinear is not None:
+    if held:
         plant = fit.plant
         shortest = plant.time_constants(np.array(plant.u_range))[0].min()
         least = LEAST_SAMPLES / max(float(shortest), plant.floor_s)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 from scipy.optimize import minimize, nnls
 
 from eaid.arrays import Array
@@ -112,7 +113,10 @@ def newton_step(problem: Problem, x: Array, gradient: Array, curvature: Array) -
     if not (np.isfinite(gradient).all() and np.isfinite(curvature).all()):
         return NewtonStep(np.zeros_like(x), np.inf, ())
     lower = whiten(curvature)
-    back = np.linalg.inv(lower)
+    try:
+        back = np.linalg.inv(lower)
+    except np.linalg.LinAlgError:  # rows 1e30 apart, which LU takes for singular
+        back = np.asarray(dtrtri(lower, lower=1)[0])
     with np.errstate(over="ignore", invalid="ignore"):
         q = back @ gradient
         free = -(q @ back)

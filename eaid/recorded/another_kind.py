@@ -21,7 +21,7 @@ from eaid.levels.release import release_of
 from eaid.levels.workflow import usual_idle
 from eaid.options import FitOptions
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import choose_plant, squares_about_mean, subtract_white_noise
+from eaid.recorded.choice import Chosen, choose_plant, squares_about_mean, subtract_white_noise
 from eaid.recorded.fit import experiment_of, fit_of
 from eaid.recorded.plant_part import levels_of_plant
 from eaid.results.fit import Fit
@@ -38,6 +38,7 @@ OF_SHAPES = {
     "shape-misses",
     "step-leaves-open",
 }  # No step has its shape
+SURELY_BETTER = 0.9  # Score of another kind over that of one lag, from which on it is taken for that
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
 FAR_OFF_PCT = 3.0  # Of the fit that one lag lacks, from which on it is not asked again
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
@@ -58,7 +59,7 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
     one = "lag+dead" if fit.dead_time_s > 0 else "lag"
     try:
         experiment = experiment_of(logs, how, repeats=stepset.levels, falls=False)
-        chosen = choose_plant(experiment)
+        chosen, of_evidence = choose_plant(experiment), None
         for kind in ("", one):  # the one of evidence; then the one that the two lags became
             if kind:
                 of_lag = max((row.fit_pct or 0.0 for row in chosen.kinds if row.kind == one), default=0.0)
@@ -68,7 +69,11 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
             if chosen.of_clutch:
                 continue
             other = fit_of(experiment, chosen)
+            if not kind:
+                of_evidence = other
             if takes_its_place(other, fit, logs):
+                if of_evidence is not None and explains_more(of_evidence, chosen):  # than the one lag, which would do
+                    other = of_evidence
                 if other.noted_late_s and not late_s:  # its holds end before the fall that came as early
                     return try_another_kind(fit, stepset, options, other.noted_late_s)
                 return put_in_its_place(other, fit, stepset)
@@ -77,14 +82,28 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
     return fit
 
 
-def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
-    """Whether the plant of another kind explains the steps of a fit so much better, or as well by less; or explains
-    them where the fit must not be used."""
+def explains_more(other: Fit, lag: Chosen) -> bool:
+    """Whether two lags in series, or what rings, explain steps better than one lag: an overshoot may be of some levels
+    alone."""
+    part = other.plant_
+    if part is None or part.zeta is None or not may_stand(other):
+        return False
+    return any(row.kind == part.tried[0].kind and (row.score or 1.0) < SURELY_BETTER for row in lag.kinds)
+
+
+def may_stand(other: Fit) -> bool:
+    """Whether a plant of another kind is one that may be taken, whatever it explains."""
     part = other.plant_
     # that a fit without some levels is worse, it shares with the clutch's
     if part is None or not part.another or any(one.code != "hold-out-fails" for one in other.verdict.reasons):
         return False
-    if part.zeta is not None and part.zeta <= 2 * forms.LEAST_ZETA:  # what swings on and on is an output of its own
+    return part.zeta is None or part.zeta > 2 * forms.LEAST_ZETA  # what swings on and on is an output of its own
+
+
+def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
+    """Whether the plant of another kind explains the steps of a fit so much better, or as well by less; or explains
+    them where the fit must not be used."""
+    if (part := other.plant_) is None or not may_stand(other):
         return False
     whole, shapes = ([explained_pct(one, logs, own_gains) for one in (other, fit)] for own_gains in (False, True))
     as_well = part.plant.kind == "lag" and whole[0] >= whole[1] - AS_WELL_PCT

@@ -80,6 +80,7 @@ def test_a_rig_far_quicker_or_slower_has_its_own_loop_in_the_papers_units_too(sm
     gains = eaid.tune_rc(fit)
     assert fit.linear.a0 * times == pytest.approx(2.5, rel=0.1) and "designed-for-rig" in codes(gains)
     assert (gains.rc.K_P > 20 * 4.5) if times < 1 else (gains.rc.K_P < 4.5 / 20)
+    assert gains.margins.timing.rate_hz == 1000.0 if times < 1 else gains.margins.timing.rate_hz < 20.0
     for name in ("rc", "pi"):
         assert enough(gains.margins.worst[name])
 

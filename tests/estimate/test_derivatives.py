@@ -107,6 +107,17 @@ def test_newton_step_is_the_constrained_minimum_of_its_parabola() -> None:
     assert step.decrease == pytest.approx(-(g @ step.d + 0.5 * step.d @ H @ step.d))
 
 
+def test_a_newton_step_whose_unknowns_are_1e30_apart_is_one() -> None:
+    """LU takes such a factor for singular, and a fit ended in a LinAlgError."""
+    sizes = np.array([1e9, 1e-52, 1e-51, 1e-23, 1e8])
+    root = np.tril(np.full((5, 5), 0.3)) + 0.7 * np.eye(5)
+    H = np.sqrt(np.outer(sizes, sizes)) * (root @ root.T)
+    g = -H @ (1 / np.sqrt(sizes))
+    none = np.zeros((0, 5))
+    step = newton_step(Problem(lambda _: (0.0, g, H), none, np.zeros(0), "row {}".format), np.zeros(5), g, H)
+    assert step.d * np.sqrt(sizes) == pytest.approx(np.ones(5), rel=1e-6)
+
+
 def test_the_verdict_sees_a_point_that_is_no_minimum(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where SLSQP says success where it began."""
     problem, x = bowl(), CENTRE + SCALES * np.array([0.0, 0.1, 0.0])

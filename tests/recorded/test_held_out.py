@@ -5,6 +5,8 @@ import pandas as pd
 import pytest
 
 import eaid
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.recorded.held_out import _parts_left_out
 
 DT_S = 0.02
 
@@ -69,3 +71,12 @@ def test_a_rest_that_does_not_tell_the_model_is_no_witness(seed: int) -> None:
         x2 += (1 - np.exp(-dt_s / 6.0)) * (0.06 * u[k] - x2)
     fit = eaid.fit(t, u, y + 0.004 * random.standard_normal(600), shape="one")
     assert fit.verdict.usable and fit.recorded.hold_out is None
+
+
+def test_a_log_that_alone_tells_the_curve_is_not_left_out() -> None:
+    """Three logs of one input each, and one of all, whose T_s(u) needs six: by what was left the curve was −251 %."""
+    inputs = [np.repeat([0.0, u], 50) for u in (20.0, 60.0, 100.0)] + [np.repeat(np.arange(0.0, 101.0, 10.0), 10)]
+    logs = [RecordedLog(f"log{k}", DT_S * np.arange(len(u)), u, u) for k, u in enumerate(inputs)]
+    folds = [[one for one, out in zip(logs, rows, strict=True) if out.any()] for _, rows in _parts_left_out(logs, 6)]
+    assert folds == [[log] for log in logs[:1] + logs[1:2] + logs[2:3]]
+    assert len([*_parts_left_out(logs, 3)]) == 4
