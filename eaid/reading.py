@@ -280,14 +280,13 @@ def steps_in(
     steps, more = cut_runs(whole, options)
     if faults or more:
         raise DataError(*faults, *more)
-    if how == "auto" and (two_sided(steps) or mostly_ramps(steps)):
-        uncut, whole, steps = [*uncut, *whole], [], []
+    beside = bool(uncut) and not any(run.position is not None or run.kind not in (None, "clutch") for run in whole)
+    if how == "auto" and (beside or two_sided(steps) or mostly_ramps(steps)):
+        uncut, whole, steps = [*uncut, *as_logs(whole, steps, options.rest)], [], []
     steps = counted_once([bridged(Cut(run)) for run in steps] if options.repair else steps)
     rises = Counter(run.source for run in steps if run.edge == "rising" and run.from_level == 0)
     several = max(rises.values(), default=0) > 2 and not any(run.cut for run in whole)
     swept = to_be_recorded(whole, options) if how == "auto" and several else []
-    if uncut and how == "auto" and not any(run.position is not None for run in whole):
-        swept = to_be_recorded([*uncut, *as_logs(whole, steps, options.rest)], options) if whole else []
     uncut = to_be_recorded(uncut, options)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))

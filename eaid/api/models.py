@@ -1,6 +1,5 @@
 """Logs → steps → fit, and what to record next."""
 
-import contextlib
 import math
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -155,7 +154,7 @@ def fit(
     from eaid.results.responses import responses_of
     from eaid.results.verdict import judged
 
-    steps = steps.as_recorded if how.duty is not None and steps.swept and not steps.recorded else steps
+    steps = steps.as_recorded if how.duty is not None and steps.swept else steps
     if how.duty is not None and not steps.recorded:
         raise UsageError("«duty»: belongs to logs that are fitted as recorded, and these are steps; leave it out")
     refits = how.draws if how.ci == "bootstrap" else 0
@@ -170,11 +169,6 @@ def fit(
 
         with progress("fitting the recorded log", 0):
             fitted = fit_whole(steps, how)
-            if steps.swept:  # steps beside them, with which the clutch's form is kept
-                with contextlib.suppress(DataError):
-                    of_all = fit_whole(steps.as_recorded, how)
-                    if of_all.plant_ is not None and of_all.plant_.another:
-                        fitted, steps = of_all, steps.as_recorded
         samples = Samples(steps, partial(residuals_of_logs, runs=steps.recorded))
         return msgspec.structs.replace(fitted, parameters=parameters_of(fitted), samples=samples)
     if another:

@@ -80,7 +80,7 @@ from eaid.recorded.late import (
     follows_output,
 )
 from eaid.recorded.left_over import drift_findings
-from eaid.recorded.log_intervals import spread
+from eaid.recorded.log_intervals import gains_of_engagements, spread
 from eaid.results.recorded import FallTest, KindTried
 
 BEYOND_REACHED = 3.0  # Times the output that was reached, beyond which no T_s is believed
@@ -162,9 +162,10 @@ class Searched:
 
 
 def choose_plant(experiment: Experiment) -> Chosen:
-    """The plant of the logs, without a creep of their outputs where they show one; steps and loops are not asked."""
+    """The plant of the logs, without a creep of their outputs where they show one; loops and steps are not asked."""
     chosen, logs = _choose_plant(experiment), experiment.logs
-    if experiment.others or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
+    steps = len(logs) > 1 and any(holds_one_level(log.input) for log in logs)  # whose slow part is a drift, too
+    if steps or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
     gains = find_gain_drift(chosen.tried)
     creeps = np.zeros(0) if chosen.clutch is None else find_far_creeps(chosen.clutch, chosen.logs, gains)
@@ -198,14 +199,14 @@ def _choose_behind_drift(experiment: Experiment, gains: Array, chosen: Chosen) -
 
 def _choose_plant(experiment: Experiment) -> Chosen:
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
-    as much with less, or more. Logs with steps beside them keep the clutch's."""
+    as much with less, or more."""
     logs, options = experiment.logs, experiment.options
     clutch = None if experiment.signed else _fit_clutch(experiment)
     inside, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
     near = BEYOND_INPUTS * float(inside.max())
     beyond = asked is not None and not inside.min() - near <= asked[0] < asked[1] <= inside.max() + near
     # another kind says nothing of inputs never seen
-    alone = not experiment.others and options.share == SHARE and not beyond
+    alone = options.share == SHARE and not beyond
     # where no input ever changes, gain and idle output cannot be told apart
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
     if clutch is not None and (still or not alone or options.through):
@@ -498,9 +499,9 @@ def _fit_clutch(experiment: Experiment) -> Chosen:
     """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
     logs, inputs, options, falls = experiment.logs, experiment.inputs, experiment.options, experiment.falls
     model = forms.nonlinear(inputs.basis, options.held_share)
-    base = fit_setup(setup_of(model, [*logs, *experiment.others], experiment.rests))
+    base = fit_setup(setup_of(model, logs, experiment.rests))
     base = fit_falls_as_left(base) if falls else base
-    ask_share = options.share == SHARE and not experiment.others
+    ask_share = options.share == SHARE
     behind, acting, late = fit_behind_dead_time(base, experiment)
     moved = behind.fitted.dead_time_of_plant(behind.x) > 0 or any(one.rows for one in late)
     if ask_share and moved and (free_first := refit_with_share_free(base)) is not None:  # a wrong C moves inputs
@@ -562,8 +563,23 @@ def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solv
         at = np.linspace(model.low, model.high, count)
     found = fit_through(base, Knots(tuple(at.tolist())))
     chance = SHARE_CHANCE if count == KNOTS else DEFAULT_CHANCE  # once no cubic does, a few more cost little
-    better = found.cost < base.cost - noise_saves(found, count - first, chance)
+    better = cost_beside_gains(found) < cost_beside_gains(base) - noise_saves(found, count - first, chance)
     return fit_through_knots(found, inputs, 2 * count - 1) if better else base
+
+
+def holds_one_level(inputs: Array) -> bool:
+    """Whether a log goes from rest to one input alone, as a step does."""
+    return len(np.unique(inputs[inputs != 0])) == 1
+
+
+def cost_beside_gains(solved: Solved) -> float:
+    """What a fit leaves beside gains of their own of the logs that hold one level: how these scatter bends no curve."""
+    cost = solved.cost
+    for k, drive in enumerate(solved.setup.drives):
+        if holds_one_level(drive.duty[drive.which]):
+            _, _, square, gain, _ = gains_of_engagements(solved, k)
+            cost -= float(drive.w[drive.w > 0].mean() * (gain**2 @ square))
+    return cost
 
 
 def input_answers_output(solved: Solved, logs: Sequence[RecordedLog]) -> bool:

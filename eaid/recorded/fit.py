@@ -1,8 +1,7 @@
 """Recorded logs → a fit: the one entry of this package.
 
 The nonlinear model first, then whether falls differ from rises, then the linear model and the levels by themselves;
-intervals from the residuals as they are; what the inputs do not fix is said. Logs of ordinary steps are fitted
-with them as their mean curves, each sample of each repeat alike.
+intervals from the residuals as they are; what the inputs do not fix is said.
 """
 
 import contextlib
@@ -20,7 +19,7 @@ from eaid.estimate import forms
 from eaid.estimate.coefficients import map_unknowns, with_intervals
 from eaid.estimate.data import data_of, errors
 from eaid.estimate.own_level import AS_LIMITED
-from eaid.estimate.recorded_log import RecordedLog, changes_in_gaps, logs_of_steps, recorded_log, split_at_gaps
+from eaid.estimate.recorded_log import RecordedLog, changes_in_gaps, recorded_log, split_at_gaps
 from eaid.findings import Finding, finding, merged, ranked
 from eaid.levels import workflow
 from eaid.levels.from_steps import fit_linear
@@ -108,8 +107,8 @@ STEPS_ROWS = 2000
 
 
 def data_of_logs(experiment: Experiment) -> FittedData:
-    """What was fitted: the logs, before the steps that were fitted with them."""
-    logs, inputs = [*experiment.logs, *experiment.others], experiment.inputs
+    """What was fitted."""
+    logs, inputs = experiment.logs, experiment.inputs
     told = FittedData() if experiment.steps is None else workflow.data_of_steps(experiment.steps)
     sources = [
         Source(log.source, log.sha256, log.name, baseline_nm=log.baseline, samples=len(log.time_s), edge="recorded")
@@ -245,7 +244,7 @@ def friction_of_logs(
 
 
 def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
-    """Fit the recorded logs of a set with its steps; raises UsageError for options that only steps have."""
+    """Fit the recorded logs of a set; raises UsageError for options that only steps have."""
     if options.loss != "squares":
         raise UsageError(f"«loss» {options.loss}: logs fitted as recorded take squares; or say «logs_as» steps")
     if options.hold_out:
@@ -279,7 +278,7 @@ def fit_recorded(
     falls: bool = True,
     dead_time_s: float = 0.0,
 ) -> Fit:
-    """Fit recorded logs, with or without step logs of the same clutch.
+    """Fit recorded logs, of a set of `steps` that says how they were recorded.
 
     The input of a `Run` is counted from `rest`. With `falls`, falls get unknowns of their own where they differ from
     rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it.
@@ -345,14 +344,13 @@ def experiment_of(
     logs: Sequence[RecordedLog], options: FitOptions, steps: StepSet | None = None, repeats: Sequence[Level] = (),
     falls: bool = True,
 ) -> Experiment:  # fmt: skip
-    """Logs as they are fitted, beside steps of the same clutch; `DataError` for those that tell nothing."""
+    """Logs as they are fitted, of a set of `steps` that says how they were recorded; `DataError` for those that tell
+    nothing."""
     refuse(logs)
     logs = [part for log in logs for part in split_at_gaps(log)]
-    signed = any(float(log.input.min()) < 0 for log in logs)  # no plant of both sides is fitted with steps
-    others = logs_of_steps(steps) if steps is not None and not signed else []
-    inputs = find_inputs([*logs, *others], options.duty, goes_on=True)
+    inputs = find_inputs(logs, options.duty, goes_on=True)
     resting = [mark_resting_start(add_rest_before(log, inputs), inputs) for log in logs]
-    return Experiment(resting, others, inputs, options, repeats, falls, steps)
+    return Experiment(resting, inputs, options, repeats, falls, steps)
 
 
 def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
@@ -420,7 +418,7 @@ def follow_levels(experiment: Experiment, chosen: Chosen, own: LevelsOwn) -> tup
     through, flat = take_levels(chosen, own), own.told[0]
     if flat.code != "output-levels-off" or (experiment.options.duty or experiment.repeats):
         return experiment, through
-    inputs = find_inputs([*experiment.logs, *experiment.others], (experiment.inputs.low, flat.levels[0]))
+    inputs = find_inputs(experiment.logs, (experiment.inputs.low, flat.levels[0]))
     within = replace(experiment, inputs=inputs, dead_time_s=0.0)
     clipped = choose_plant(within)
     if clipped.solved.cost > AS_LIMITED * through.solved.cost:
@@ -453,7 +451,7 @@ def judge_logs(experiment: Experiment, chosen: Chosen, engagements: int) -> tupl
     """Each log, its loop and what the model makes of what it has not seen; findings of loops, unseen, and left."""
     base, logs = chosen.solved, experiment.logs
     loops, findings = judge_loops(base, chosen.logs)
-    unseen = held_out(base, chosen.logs, experiment.others)
+    unseen = held_out(base, chosen.logs)
     if unseen is not None:
         findings += judge_unseen(unseen.fit_pct, unseen.held_pct, unseen.of)
     if not loops:
@@ -468,7 +466,6 @@ def judge_logs(experiment: Experiment, chosen: Chosen, engagements: int) -> tupl
             msgspec.structs.replace(log_part(base, k, log, without), late_rows=late.rows - off_s / log.usual_s)
             for k, (log, without, late) in enumerate(rows)
         ),
-        steps=len(experiment.others),
         u_range=(experiment.inputs.low, experiment.inputs.high),
         engagements=engagements,
         falls=chosen.falls,

@@ -29,19 +29,19 @@ AGREES = 0.02  # Part by which the whole fit may leave more of the others than t
 PART_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which the fit without a part stands
 
 
-def held_out(solved: Solved, logs: Sequence[RecordedLog], others: Sequence[RecordedLog]) -> LogsHeldOut | None:
+def held_out(solved: Solved, logs: Sequence[RecordedLog]) -> LogsHeldOut | None:
     """How the model holds on what a fit without it has not seen; None where no part can be left out."""
     if any(log.reference is not None for log in logs):  # its duty answers the noise: one log's is no other's
         return None
-    all_logs, folds = [*logs, *others], list[tuple[str, float, int, bool]]()
-    solved, curve = hold_creeps(solved), solved.setup.model.Ts
-    for named, rows in _parts_left_out(logs, 0 if others or curve is None else curve.size):
+    solved, folds = hold_creeps(solved), list[tuple[str, float, int, bool]]()
+    curve = solved.setup.model.Ts
+    for named, rows in _parts_left_out(logs, 0 if curve is None else curve.size):
         part = [replace(log, output=np.where(out, np.nan, log.output)) for log, out in zip(logs, rows, strict=True)]
-        missed, agrees = _missed(solved, [*part, *others], all_logs)
+        missed, agrees = _missed(solved, part, logs)
         seen = [out[np.isfinite(log.output)] for out, log in zip(rows, logs, strict=True)]
         squares = sum(float(one[rows] @ one[rows]) for one, rows in zip(missed, seen, strict=False))
         folds.append((named, squares, sum(int(one.sum()) for one in seen), agrees))
-    y, left = (np.concatenate(part[: len(logs)]) for part in (solved.outputs, solved.missed))
+    y, left = np.concatenate(solved.outputs), np.concatenate(solved.missed)
     size, rms = float(np.std(y)), float(np.sqrt(left @ left / len(y)))
     if not folds or not size > 0:
         return None

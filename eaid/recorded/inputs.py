@@ -62,7 +62,6 @@ class Experiment:
     """What a fit of logs is made from."""
 
     logs: Sequence[RecordedLog]
-    others: Sequence[RecordedLog]  # Steps of the same clutch
     inputs: Excited
     options: FitOptions
     repeats: Sequence[Level] = ()  # Levels whose means the logs are; their runs tell how they scatter
@@ -74,8 +73,7 @@ class Experiment:
     @property
     def rests(self) -> bool:
         """Whether some log shows the output at rest."""
-        every = (*self.logs, *self.others)
-        return any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in every)
+        return any(log.starts_idle or bool((log.input == 0).any()) or log.baseline is not None for log in self.logs)
 
     @property
     def signed(self) -> bool:
@@ -86,15 +84,6 @@ class Experiment:
     def of_loops(self) -> bool:
         """Whether some log is a loop's, whose input answers the output."""
         return any(log.reference is not None for log in self.logs)
-
-    @property
-    def steps_left_out(self) -> list[Finding]:
-        """Said where steps stand beside logs of both signs, which are fitted alone."""
-        names = tuple(name for level in (self.steps.levels if self.steps else ()) for name in level.names)
-        if not names or self.others:
-            return []
-        why = "a plant of both signs of the input is fitted to logs of both alone"
-        return [finding("runs-left-out", "data", runs=names, of=len(names) + len(self.logs), why=why)]
 
 
 def find_inputs(logs: Sequence[RecordedLog], wanted: tuple[float, float] | None, goes_on: bool = False) -> Excited:
@@ -180,7 +169,7 @@ def follows(log: RecordedLog) -> float:
 def input_findings(experiment: Experiment) -> list[Finding]:
     """Warnings in the inputs, log by log and together, and of a range that was asked for."""
     logs, inputs, wanted = experiment.logs, experiment.inputs, experiment.options.duty
-    findings = experiment.steps_left_out
+    findings = list[Finding]()
     if wanted is not None and inputs.high > wanted[1]:
         findings.append(finding("range-goes-on", "data", wanted=wanted[1], high=inputs.high))
     for log in logs:

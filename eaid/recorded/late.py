@@ -78,18 +78,18 @@ ON_TIME = Delay()
 def fit_behind_dead_time(
     base: Solved, experiment: Experiment
 ) -> tuple[Solved, tuple[RecordedLog, ...], tuple[Delay, ...]]:
-    """The fit of logs, and of steps with them, behind their dead time, the one given or what they show; the logs with
+    """The fit of logs behind their dead time, the one given or what they show; the logs with
     their inputs where they acted; and by how much each was noted late.
 
     What single steps show is taken where the logs are fitted better with it. What the logs show is an unknown of the
     fit, by parts of a sample, and so is the part of a row by which an input was noted late.
     """
     model, rests, as_left = base.fitted.model, base.fitted.idle_free, base.fitted.falls_as_left
-    logs, steps, given_s = experiment.logs, experiment.others, experiment.options.held_dead_time_s
+    logs, given_s = experiment.logs, experiment.options.held_dead_time_s
     dead_s, acting = 0.0, tuple(logs)
     if tried := experiment.dead_time_s if given_s is None else given_s:
         moved = tuple(mark_rest_behind(log, tried) for log in logs)
-        behind = fit_setup(setup_of(model, [*moved, *steps], rests, tried, as_left))
+        behind = fit_setup(setup_of(model, moved, rests, tried, as_left))
         at_rest = behind.setup.size < base.setup.size  # the log begins at rest behind it, and T_s is told apart
         if given_s is not None or behind.cost < (REST_COST if at_rest else 1 - LOWER) * base.cost:
             base, dead_s, acting = behind, tried, moved
@@ -107,7 +107,7 @@ def fit_behind_dead_time(
         return base, acting, late
     acting = tuple(mark_rest_behind(shift_input(log, one.rows), dead_s) for log, one in zip(logs, late, strict=True))
     if any(one.rows for one in found):
-        base = fit_setup(setup_of(model, [*acting, *steps], rests, dead_s, as_left))
+        base = fit_setup(setup_of(model, acting, rests, dead_s, as_left))
     if dead_s or base.fitted.between_rows:
         base = fit_near(*with_dead_time(base.fitted, base.x, dead_s))
     return base, acting, late

@@ -115,8 +115,6 @@ class Recorded(Result, frozen=True):
     """The part `recorded` of a fit."""
 
     logs: tuple[LogFit, ...] = ()
-    steps: Count = 0
-    """Levels of ordinary step logs that were fitted with them."""
     u_range: tuple[Number, Number] = (0.0, 0.0)
     falls: tuple[FallTest, ...] = ()
     loops: tuple[Loop, ...] = ()

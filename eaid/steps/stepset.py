@@ -214,8 +214,7 @@ class StepSet(Shown):
     creep: Creep | None = None
     """What was taken off its levels and releases."""
     swept: tuple[Run, ...] = ()
-    """The logs behind its steps, where these hold several: to be fitted as recorded where tails are told wrongly. Of
-    steps beside recorded logs all of them, to be fitted so where that shows another kind of plant."""
+    """The logs behind its steps, where these hold several: to be fitted as recorded where tails are told wrongly."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
