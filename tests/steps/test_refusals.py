@@ -28,6 +28,8 @@ REFUSED: dict[str, tuple[Any, dict[str, Any], str]] = {
     "no level": ({"a": BLIND}, {}, "a: nothing tells its level; give the input column, or name_pattern= with {level}"),
     "no level, though an instant": ({"a": BLIND}, {"step_at": 4.0}, "nothing tells its level"),
     "just before the begin": (LATER, {"step_at": 1e4 - 1e-4}, "lies outside the log"),
+    "no step where it was said to be": (
+        RUN, {"step_at": 1.0, "until": 3.0}, "its input is at rest from 1 s on, where its step was said to be"),
     "no window": (
         {"u50": BLIND}, NAMED | {"step_at": 4.0, "until": 4.0},
         "the window ends (4 s) before it begins (4 s); mend until="),
