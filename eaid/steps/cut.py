@@ -145,8 +145,8 @@ def cut_at(run: Run, at_s: float) -> list[Run]:
     now, zero, known = Plateau(start, until, level), zero_of(run), run.has_input
     if known and level == 0 and float(np.ptp(run.input)) > 0:
         raise DataError(
-            f"{run.where}: its input is at rest from {at_s:g} s on, where its step was said to be; leave it out, or fit "
-            "it apart, and say «step_at» for the logs without an input"
+            f"{run.where}: its input is at rest from {at_s:g} s on, where its step was said to be; leave it out, or "
+            "fit it apart, and say «step_at» for the logs without an input"
         )
     earlier = [p for p in plateaus(run.input[:start]) if p.count >= FEWEST_HELD] if known and start else []
     if start:
