@@ -41,6 +41,7 @@ class Given(Generic[T]):
     result: T
     path: str  # What the result is called: its file, as given
     sha256: str = ""
+    of_fit: bool = False  # Whether nobody gave it: the logs behind a fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,10 +133,10 @@ def gathered(items: Iterable[Any], progress: Progress = no_progress) -> Results:
         sorted_[kind].append(item if isinstance(item, Given) else Given(result, name))
     sorted_["replay"].sort(key=lambda one: [*SCENARIO_NAMES, one.result.head.scenario].index(one.result.head.scenario))
     given = {one.result.kind for one in sorted_["data"]}
-    for one in sorted_["fit"]:
+    for one in sorted_["fit"]:  # the first of each kind, which the page is about
         if one.result.data.kind not in given and (steps := steps_behind(one.result, progress)) is not None:
-            sorted_["data"].append(Given(steps, f"the logs behind {one.path}"))
-            given.add(one.result.data.kind)
+            sorted_["data"].append(Given(steps, f"the logs behind {one.path}", of_fit=True))
+        given.add(one.result.data.kind)
     return Results(*map(tuple, sorted_.values()))
 
 

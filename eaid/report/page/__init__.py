@@ -127,7 +127,7 @@ def _files(results: Results) -> list[tuple[Given[Any], str, str]]:
         (results.couplings, "couple", lambda _: "virtual walls"), (results.rigs, "sessions", lambda _: "rig"),
         (results.comparisons, "compare", lambda _: "comparison"),
     ]  # fmt: skip
-    return [(given, said(given.result), command) for some, command, said in each for given in some]
+    return [(one, said(one.result), command) for some, command, said in each for one in some if not one.of_fit]
 
 
 def _of(drawn: Figures, *names: str) -> tuple[PageFigure, ...]:
