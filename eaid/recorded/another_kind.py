@@ -69,7 +69,7 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
             if chosen.of_clutch:
                 continue
             other = fit_of(experiment, chosen)
-            if not kind:
+            if not kind and len(stepset.levels) > 1:  # the shape of one step alone is a dead time's, too
                 of_evidence = other
             if takes_its_place(other, fit, logs):
                 if of_evidence is not None and explains_more(of_evidence, chosen):  # than the one lag, which would do
