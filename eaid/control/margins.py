@@ -43,6 +43,7 @@ from eaid.results.plant import falls_between
 LATE = 20  # Holds of dead time that the map of a loop spans at most
 MOST_DB, STEP_DB = 80.0, 2.0  # Gain margins are sought up to here, in such steps
 ENOUGH_DB, ENOUGH_DEG = 6.0, 45.0
+LESS_DB, LESS_DEG = 3.0, 20.0  # By which a loop's margins may be less in falls that no log shows, and nothing is said
 
 
 class LinearLaw(NamedTuple):
@@ -319,13 +320,23 @@ def supposed_falls(fit: Fit, plant: Plant | None, points: Sequence[Point]) -> li
     return [] if quick is None else [one._replace(plant=around(quick, one.duty_pct), falling=True) for one in points]
 
 
-def lacking_in_falls(loops: Mapping[str, Law], falls: Sequence[Point], timing: Timing) -> list[Finding]:
-    """Loops that lack 6 dB or 45° if falls between levels are as is supposed of them."""
-    each = {name: least_margins(law, falls, timing) for name, law in loops.items()} if falls else {}
-    return [
-        finding("margin-if-falls-are-releases", name, gain_db=one.gain_db, phase_deg=one.phase_deg, stable=one.stable)
-        for name, one in each.items() if not enough(one)
-    ]  # fmt: skip
+def less_in_falls(
+    loops: Mapping[str, Law], falls: Sequence[Point], timing: Timing, known: Mapping[str, Margin]
+) -> list[Finding]:
+    """Loops that lack 6 dB or 45°, or have far less than is `known`, if falls between levels are as is supposed."""
+    found = []
+    for name, law in loops.items() if falls else ():
+        one, other = least_margins(law, falls, timing), known[name]
+        less = _below(one.gain_db, other.gain_db, LESS_DB) or _below(one.phase_deg, other.phase_deg, LESS_DEG)
+        code = "margin-less-in-falls" if enough(one) else "margin-if-falls-are-releases"
+        if less or not enough(one):
+            found.append(finding(code, name, gain_db=one.gain_db, phase_deg=one.phase_deg, stable=one.stable))
+    return found
+
+
+def _below(one: float | None, other: float | None, least: float) -> bool:
+    """Whether a margin lies so far below another, None being one without end."""
+    return one is not None and (other is None or one < other - least)
 
 
 def gain_margin(law: Any, plant: Operating, timing: Timing) -> float:

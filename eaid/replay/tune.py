@@ -29,8 +29,8 @@ from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.margins import (
     Point,
     finite,
-    lacking_in_falls,
     least_margins,
+    less_in_falls,
     margins_of,
     points_of,
     supposed_falls,
@@ -232,7 +232,8 @@ def tune(fit: Fit, options: TuneOptions, reference: str | Signal | None, referen
     findings += unknown_to_plant(fit)
     if slowed:
         findings.append(finding("falls-taken-as-releases", "pi"))
-    findings += lacking_in_falls({name: laws[name] for name in ("rc", "pi") if name in laws}, task.falls, task.timing)
+    both = {name: law for name, law in laws.items() if name in ("rc", "pi")}
+    findings += less_in_falls(both, task.falls, task.timing, judged.worst)
     if why:
         findings.insert(0, finding("fit-not-usable", "model", why=why))
     overshoot_pct, settling_s = task.step_of(pi)

@@ -216,6 +216,20 @@ def test_where_no_log_shows_falls_between_levels_loops_are_for_falls_as_quick_as
         assert codes(given)["margin-if-falls-are-releases"].values["gain_db"] < 6
 
 
+def test_margins_that_are_far_less_in_falls_are_told(small_fit: Any) -> None:
+    """29.2 dB were printed where falls as quick as those to rest have 6.8, and nothing was said."""
+    tau1, tau2 = (float(one) for one in small_fit.plant.time_constants(60.0))
+    plant = msgspec.structs.replace(small_fit.plant_, release=(0.15 * tau1, 0.15 * tau2))
+    fit = msgspec.structs.replace(small_fit, plant_=plant)
+    gains = eaid.tune_rc(fit)
+    told = {one.subject: one.values for one in gains.findings if one.code == "margin-less-in-falls"}
+    falls = supposed_falls(fit, fit.plant, points_of(fit, fit.plant, gains.model, (), gains.duty_limits_pct))
+    least = min(margins(law_of(gains, "pi"), one, gains.margins.timing).gain_db for one in falls)
+    assert told["pi"]["gain_db"] == pytest.approx(least) and 6 <= least < gains.margins.worst["pi"].gain_db - 3
+    known = eaid.tune_rc(msgspec.structs.replace(fit, plant_=small_plant(plant)))
+    assert "margin-less-in-falls" not in codes(known)
+
+
 def small_plant(plant: Any) -> Any:
     """The same, whose falls nobody knows."""
     return msgspec.structs.replace(plant, release=None)

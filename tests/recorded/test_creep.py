@@ -31,7 +31,7 @@ def test_a_creep_is_found_and_no_plant_imitates_it(creep, bent, tmp_path):
     staircase(creep, bent).to_csv(path, index=False)
     fit = eaid.fit(path)
     told = {one.code: one.values for one in fit.findings if one.severity != "note"}
-    assert set(told) == ({"log-creeps"} if creep else set())
+    assert set(told) == {"few-levels-for-polynomials", *(["log-creeps"] if creep else [])}  # there are three
     if creep and not bent:
         assert told["log-creeps"]["low"] < creep < told["log-creeps"]["high"]
         assert fit.logs[0].creep == pytest.approx((creep, 0.0), abs=0.015)

@@ -103,6 +103,14 @@ ROWS: dict[str, Row] = {
         "no log shows falls from level to level: the loops are slower, to have their margins where these are as quick "
         "as falls to rest; steps down from level to level tell"
     ),
+    "margin-less-in-falls": caution(
+        lambda v: (
+            f"the {v['subject'].upper()} loop has "
+            + " and ".join(f"{v[key]:.3g}{unit}" for key, unit in (("gain_db", " dB"), ("phase_deg", "°")) if v[key])
+            + " where falls between levels, which no log shows, are as quick as those to rest: the margins above are "
+            "those of rises"
+        )
+    ),
     "margin-if-falls-are-releases": caution(
         lambda v: (
             f"the {v['subject'].upper()} loop has "
