@@ -50,6 +50,11 @@ class RecordedLog:
     late_s: float = 0.0  # By which its input was noted late, a part of a row [s]
 
     @cached_property
+    def of_one_level(self) -> bool:
+        """Whether its input goes from rest to one level alone, as that of a step does."""
+        return len(np.unique(self.input[self.input != 0])) == 1
+
+    @cached_property
     def starts_idle(self) -> bool:
         """Both states are 0 at the first row."""
         if self.idle_start is not None:

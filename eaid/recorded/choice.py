@@ -104,6 +104,7 @@ LEAST_APART_KNOTS = 0.02  # … and by which part of the range two lie apart at 
 ALL_INPUTS = 11  # Inputs over which a form is laid out
 FARTHEST_PATTERN, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
 WHOLE_ROW = 0.2  # So near to it a dead time takes a whole row back
+FEWEST_RESTING = 10  # Rows of rest before a step that tell its idle output
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 # Why a log whose output falls where its input rises, or whose output's rate follows its input, is refused
 WRONG_SIGN = (
@@ -164,7 +165,7 @@ class Searched:
 def choose_plant(experiment: Experiment) -> Chosen:
     """The plant of the logs, without a creep of their outputs where they show one; loops and steps are not asked."""
     chosen, logs = _choose_plant(experiment), experiment.logs
-    steps = len(logs) > 1 and any(holds_one_level(log.input) for log in logs)  # whose slow part is a drift, too
+    steps = len(logs) > 1 and any(log.of_one_level for log in logs)  # whose slow part is a drift, too
     if steps or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
     gains = find_gain_drift(chosen.tried)
@@ -454,6 +455,14 @@ def mark_resting_start(log: RecordedLog, inputs: Excited) -> RecordedLog:
     return resting if quick_cost(resting, inputs) <= REST_BELIEVED * quick_cost(log, inputs) else log
 
 
+def count_from_rest(log: RecordedLog) -> RecordedLog:
+    """A log of a single step counted from the rest before it: with an idle output of its own, one of several such logs
+    would hide how runs scatter."""
+    first = int(np.argmax(log.input != 0))
+    known = log.baseline is None and log.of_one_level and log.reference is None and first >= FEWEST_RESTING
+    return replace(log, baseline=float(np.nanmean(log.output[:first]))) if known else log
+
+
 def add_rest_before(log: RecordedLog, inputs: Excited) -> RecordedLog:
     """A log that begins with its input on, behind the rest before it where a dead time shows that there was one."""
     if log.idle_start is not None or log.input[0] == 0 or np.ptp(log.input) == 0 or log.reference is not None:
@@ -567,16 +576,11 @@ def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solv
     return fit_through_knots(found, inputs, 2 * count - 1) if better else base
 
 
-def holds_one_level(inputs: Array) -> bool:
-    """Whether a log goes from rest to one input alone, as a step does."""
-    return len(np.unique(inputs[inputs != 0])) == 1
-
-
 def cost_beside_gains(solved: Solved) -> float:
     """What a fit leaves beside gains of their own of the logs that hold one level: how these scatter bends no curve."""
     cost = solved.cost
-    for k, drive in enumerate(solved.setup.drives):
-        if holds_one_level(drive.duty[drive.which]):
+    for k, (drive, one) in enumerate(zip(solved.setup.drives, solved.setup.copies, strict=True)):
+        if one.log.of_one_level:
             _, _, square, gain, _ = gains_of_engagements(solved, k)
             cost -= float(drive.w[drive.w > 0].mean() * (gain**2 @ square))
     return cost

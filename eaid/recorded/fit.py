@@ -30,7 +30,14 @@ from eaid.logs.run import Run
 from eaid.options import FitOptions
 from eaid.plant.forms import PerLevel
 from eaid.plant.respond import from_rest, respond
-from eaid.recorded.choice import Chosen, add_rest_before, choose_plant, mark_resting_start, set_up_above_idle
+from eaid.recorded.choice import (
+    Chosen,
+    add_rest_before,
+    choose_plant,
+    count_from_rest,
+    mark_resting_start,
+    set_up_above_idle,
+)
 from eaid.recorded.closed_loop import judge_loops, refit_by_instruments
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
@@ -350,6 +357,7 @@ def experiment_of(
     logs = [part for log in logs for part in split_at_gaps(log)]
     inputs = find_inputs(logs, options.duty, goes_on=True)
     resting = [mark_resting_start(add_rest_before(log, inputs), inputs) for log in logs]
+    resting = [count_from_rest(log) for log in resting] if len(logs) > 1 else resting
     return Experiment(resting, inputs, options, repeats, falls, steps)
 
 

@@ -392,3 +392,26 @@ def test_steps_beside_a_log_are_logs_too(how: str, tmp_path: Path) -> None:
     assert float(fit.plant.steady(60.0)) == pytest.approx(2.4, rel=0.005)
     assert float(fit.plant.tau1[0]) == pytest.approx(0.3, rel=0.01)
     assert min(one.fit_pct for one in fit.logs) > 97
+
+
+def test_runs_of_steps_beside_a_log_scatter_in_the_intervals() -> None:
+    """With an idle output of its own each run hid its gain: T_s was told to ± 1 %, and held at 14 of 25 levels."""
+    random, t = np.random.default_rng(21), np.arange(0.0, 20.0, 0.02)
+    clutch = Plant((0.3,), (6.0,), (0.0, 0.01, 2e-4), (15.0, 100.0), C=0.85)
+    logs: dict[str, pd.DataFrame] = {}
+
+    def record(name: str, u: np.ndarray, at: np.ndarray) -> None:
+        y = (1 + 0.03 * random.standard_normal()) * respond(clutch, at, u, at) + 0.01 * random.standard_normal(len(at))
+        logs[name] = pd.DataFrame({"time_s": at, "duty_pct": u, "torque_nm": y})
+
+    for u in (20.0, 40.0, 60.0, 80.0, 100.0):
+        for k in range(3):
+            record(f"{u:g}pct_{k}", np.where((t >= 3) & (t < 15), u, 0.0), t)
+    long = np.arange(0.0, 90.0, 0.02)
+    held = np.repeat(random.integers(15, 100, 29), 150).astype(float)
+    record("random", np.append(np.zeros(150), held), long)
+    fit = eaid.fit(logs)
+    assert fit.plant.kind == "parallel" and "hysteresis" not in [one.code for one in fit.findings]
+    for u in (20.0, 40.0, 60.0, 80.0, 100.0):
+        value, low, high = fit.at(u).loc["Ts", ["value", "low", "high"]]
+        assert low < float(clutch.steady(u)) < high and high / low > 1.03, (u, value, low, high)
