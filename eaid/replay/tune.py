@@ -124,9 +124,9 @@ class Task:
     def quickest_pi(self) -> tuple[AskedPI, bool]:
         """The quickest PI; and whether it is slower for falls that no log shows, which it leaves out where no PI has
         its margins there."""
-        how = self.model, self.timing, self.scales.pace
-        known = quickest_pi(how[0], self.points, *how[1:], self.units[0])
-        both = quickest(how[0], [*self.points, *self.falls], *how[1:]) if self.falls else known
+        model, timing, pace = self.model, self.timing, self.scales.pace
+        known = quickest_pi(model, self.points, timing, pace, self.units[0])
+        both = quickest(model, [*self.points, *self.falls], timing, pace) if self.falls else known
         return both or known, both not in (None, known)
 
     def errors(self, law: Law) -> Tracking:
