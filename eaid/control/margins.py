@@ -327,14 +327,14 @@ def less_in_falls(
     found = []
     for name, law in loops.items() if falls else ():
         one, other = least_margins(law, falls, timing), known[name]
-        less = _below(one.gain_db, other.gain_db, LESS_DB) or _below(one.phase_deg, other.phase_deg, LESS_DEG)
+        less = _lies_below(one.gain_db, other.gain_db, LESS_DB) or _lies_below(one.phase_deg, other.phase_deg, LESS_DEG)
         code = "margin-less-in-falls" if enough(one) else "margin-if-falls-are-releases"
         if less or not enough(one):
             found.append(finding(code, name, gain_db=one.gain_db, phase_deg=one.phase_deg, stable=one.stable))
     return found
 
 
-def _below(one: float | None, other: float | None, least: float) -> bool:
+def _lies_below(one: float | None, other: float | None, least: float) -> bool:
     """Whether a margin lies so far below another, None being one without end."""
     return one is not None and (other is None or one < other - least)
 
