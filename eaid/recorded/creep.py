@@ -104,7 +104,8 @@ def find_gain_drift(tried: Sequence[Solved], least: float = LEAST_GAIN) -> Array
 
 def _scatter_explains(solved: Solved) -> bool:
     """Whether gains that differ from engagement to engagement go with time no more than scatter makes them: a t test of
-    their line, of logs that hold several."""
+    their line, of logs that hold several. Of inputs that move all the time few engagements tell nothing: what a chirp's
+    frequency does goes with time, too."""
     parts = []
     for k, drive in enumerate(solved.setup.drives):
         _, which, _, gain, loaded = gains_of_engagements(solved, k)
@@ -114,7 +115,7 @@ def _scatter_explains(solved: Solved) -> bool:
     t, d = (np.concatenate(one) for one in zip(*parts, strict=True))
     spare = float(len(t) - len(parts) - 1)
     if spare < FEWEST_ENGAGEMENTS - 2:
-        return False
+        return not all(one.log.stepwise for one in solved.setup.copies)
     slope, size = float(t @ d) / float(t @ t), float(t @ t)
     error = np.sqrt(float((d - slope * t) @ (d - slope * t)) / spare / size)
     return bool(abs(slope) < t_quantile(spare, 1 - GAIN_DRIFT_CHANCE) * error)
