@@ -52,7 +52,8 @@ class RecordedLog:
     @cached_property
     def of_one_level(self) -> bool:
         """Whether its input goes from rest to one level alone, as that of a step does."""
-        return len(np.unique(self.input[self.input != 0])) == 1
+        held = self.input[self.input != 0]
+        return len(held) > 0 and bool((held == held[0]).all())
 
     @cached_property
     def starts_idle(self) -> bool:

@@ -24,7 +24,7 @@ from eaid.results.recorded import LogsHeldOut
 
 THIRDS = ("last", "middle", "first")
 MOST_FOLDS = 4  # Of several logs
-INPUT_DIGITS = 3  # Of an input over the largest, by which it is another
+INPUTS_APART = 1000  # Parts of the largest input, in two of which two are not the same
 AGREES = 0.02  # Part by which the whole fit may leave more of the others than their own
 PART_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which the fit without a part stands
 
@@ -85,7 +85,8 @@ def _inputs_within(logs: Sequence[RecordedLog], rows: Sequence[Mask], terms: int
     if not len(seen) or not len(out) or np.ptp(seen) == 0:
         return False
     top = float(np.abs(seen).max())
-    if (np.unique(np.round(np.abs(seen) / top, INPUT_DIGITS)) > 0).sum() < terms:
+    held = np.bincount(np.round(INPUTS_APART * np.abs(seen) / top).astype(np.intp))
+    if np.count_nonzero(held[1:]) < terms:
         return False
     beyond = BEYOND_INPUTS * top
     return bool(out.min() >= seen.min() - beyond and out.max() <= seen.max() + beyond)

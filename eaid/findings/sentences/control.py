@@ -107,7 +107,7 @@ ROWS: dict[str, Row] = {
         lambda v: (
             f"the {v['subject'].upper()} loop has "
             + " and ".join(f"{v[key]:.3g}{unit}" for key, unit in (("gain_db", " dB"), ("phase_deg", "°")) if v[key])
-            + " where falls between levels, which no log shows, are as quick as those to rest: the margins above are "
+            + " where falls between levels, which no log shows, are as quick as those to rest: the margins told are "
             "those of rises"
         )
     ),
