@@ -61,7 +61,6 @@ from eaid.recorded.kinds import (
     LagKind,
     Search,
     Tried,
-    count_independent,
     integrates,
     noise_saves,
     refit_on_all,
@@ -288,7 +287,7 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
         if (explains and lies_beyond_outputs(own.solved, inputs)) or (well and leaves_Ts_open(own.solved, inputs)):
             first = simple
     if own is not first:
-        noise = first.cost / count_independent(first.solved)
+        noise = first.cost / first.solved.independent
         more = own.solved.setup.size - first.solved.setup.size
         parallel = plant_found(first.solved).kind == "parallel"
         same_form = parallel and own.cost <= first.cost + AS_MUCH * PRICE * noise  # with another C
@@ -394,7 +393,7 @@ def _try_kinds_behind(
         if any(one is not log for one, log in zip(shown, logs, strict=True)):
             return _try_kinds_behind(replace(experiment, logs=shown), late, rivals, passes - 1)
     found = _find_delays(rows[0].solved, search, late)
-    most = rows[0].cost * (1 + PRICE / count_independent(rows[0].solved))  # that one unknown less leaves by noise
+    most = rows[0].cost * (1 + PRICE / rows[0].solved.independent)  # that one unknown less leaves by noise
     without_lead = _replace_lead(search, rows, late, most)
     found = without_lead or found
     here = Searched(experiment, late, search, tuple(rows))

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from eaid.arrays import Array, scaled_inverse
+from eaid.arrays import Array, means_of, scaled_inverse
 from eaid.estimate.recorded_log import RecordedLog, take_off_creep, take_off_drift
 from eaid.estimate.solver import approach
 from eaid.estimate.spread import t_quantile
@@ -22,12 +22,14 @@ from eaid.levels.creep import SHARE_CHANCE
 from eaid.plant.sums import lagged
 from eaid.recorded.from_logs import Solved, fit_near, fit_setup, idle_found, setup_of
 from eaid.recorded.kinds import noise_saves
-from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, effective_samples, gains_of_engagements, spread
+from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, gains_of_engagements, spread
+from eaid.steps.noise import effective_samples
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log
 GAIN_DRIFT_CHANCE = 0.01  # That gains of engagements which scatter alone go so with time
 LEAST_GAIN, SURE_GAIN = 0.03, 0.001  # Part by which a gain drifts over a log that is told, and to which it is found
 GUESSED_LAGS, GUESSED_SURELY = (0.002, 0.01, 0.05), 3.0  # Parts of a log; standard errors of a creep that is guessed
+GUESSED_ROWS = 20_000  # Means of a log by which it is guessed, or somewhat more
 LED_ASTRAY = 0.5  # Squares with a creep over those without, up to which a fit without it was led astray
 MOST_BENT = 0.7  # Of that, amid the log: half where it warms up at once
 
@@ -78,16 +80,23 @@ def find_far_creeps(clutch: Solved, logs: Sequence[RecordedLog], gains: Array | 
 
 
 def guess_creep(log: RecordedLog) -> float:
-    """How far an output creeps beside a cubic of its input behind some lags, by least squares; 0 where noise explains
-    it."""
-    known, share = np.isfinite(log.output), (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
-    powers = (log.input[:, None] / np.abs(log.input).max()) ** np.arange(1, 4)
-    behind = [lagged(powers, log.usual_s, part * float(log.time_s[-1] - log.time_s[0])) for part in GUESSED_LAGS]
+    """How far an output creeps beside a cubic of its input behind some lags, by least squares over means of rows; 0
+    where noise explains it."""
+    rows, lasts_s = max(1, len(log.input) // GUESSED_ROWS), float(log.time_s[-1] - log.time_s[0])
+    size = np.abs(log.input).max()
+    powers = np.column_stack([means_of((log.input / size) ** k, rows) for k in (1, 2, 3)])
+    share, y, usual_s = (
+        means_of((log.time_s - log.time_s[0]) / lasts_s, rows),
+        means_of(log.output, rows),
+        rows * log.usual_s,
+    )
+    behind = [lagged(powers, usual_s, part * lasts_s) for part in GUESSED_LAGS]
+    known = np.isfinite(y)
     columns = np.column_stack([share, np.ones_like(share), *behind])[known]
-    y = log.output[known]
+    y = y[known]
     r = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
     back = scaled_inverse(columns.T @ columns)
-    creep, independent = float(back[0] @ columns.T @ y), effective_samples(r, log.usual_s)
+    creep, independent = float(back[0] @ columns.T @ y), effective_samples(r, usual_s)
     error = float(np.sqrt(back[0, 0] * (r @ r) / independent))
     return creep if abs(creep) > max(GUESSED_SURELY * error, LEAST_PART * float(np.ptp(y))) else 0.0
 

@@ -68,8 +68,9 @@ def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple
         differing = tuple(name for name in names if judgements[name].differs or name in own)
         plain = base
         while differing:  # alone one may differ no longer
-            base = whole if by_levels is plain and differing == names else fit_with_falls(plain, differing)
-            judgements |= _judge(base, differing, spread(base))
+            same = by_levels is plain and differing == names
+            base = whole if same else fit_with_falls(plain, differing)
+            judgements |= _judge(base, differing, known if same else spread(base))
             still = tuple(name for name in differing if judgements[name].differs or name in own)
             if still == differing:
                 break

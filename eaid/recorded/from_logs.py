@@ -40,6 +40,7 @@ from eaid.plant.forms import Form, LegendreForm, PerLevel
 from eaid.plant.sums import linear_sums
 from eaid.recorded.few_rows import Copies
 from eaid.results.common import Solver
+from eaid.steps.noise import effective_samples
 
 NO_ROW = 1e-6  # Part of a row below which a dead time is none
 ROWS_AT_ONCE = 30_000  # Of a log whose derivatives are worked out: they stay near the processor
@@ -388,13 +389,27 @@ class Solved:
     @cached_property
     def outputs(self) -> tuple[Array, ...]:
         """What was recorded in the rows that are compared, less a known baseline, of each log."""
-        return tuple(drive.y[drive.w > 0] for drive in self.setup.drives)
+        return tuple(one.y if one.w.all() else one.y[one.w > 0] for one in self.setup.drives)
 
     @cached_property
     def missed(self) -> tuple[Array, ...]:
         """Model less recorded in those rows."""
-        drives = enumerate(self.setup.drives)
-        return tuple(self.setup.residuals(self.x, k) / np.sqrt(one.w[one.w > 0]) for k, one in drives)
+        return tuple(map(self.missed_of, range(len(self.setup.drives))))
+
+    def missed_of(self, log: int) -> Array:
+        """The same of one log."""
+        w, r = self.setup.drives[log].w, self.setup.residuals(self.x, log)
+        r /= np.sqrt(w if len(w) == len(r) else w[w > 0])
+        return r
+
+    @cached_property
+    def independent(self) -> float:
+        """How many samples of what it leaves are worth one each."""
+        count = 0.0
+        for k, drive in enumerate(self.setup.drives):
+            r = self.missed_of(k)  # not kept, as many fits are compared
+            count += effective_samples(r, float(drive.dt_s.sum()) / max(len(r), 1))
+        return max(count, 1.0)
 
     @property
     def coefficients(self) -> Array:

@@ -37,7 +37,7 @@ def held_out(solved: Solved, logs: Sequence[RecordedLog]) -> LogsHeldOut | None:
     curve = solved.setup.model.Ts
     for named, rows in _parts_left_out(logs, 0 if curve is None else curve.size):
         part = [replace(log, output=np.where(out, np.nan, log.output)) for log, out in zip(logs, rows, strict=True)]
-        missed, agrees = _missed(solved, part, logs)
+        missed, agrees = _missed(solved, part)
         seen = [out[np.isfinite(log.output)] for out, log in zip(rows, logs, strict=True)]
         squares = sum(float(one[rows] @ one[rows]) for one, rows in zip(missed, seen, strict=False))
         folds.append((named, squares, sum(int(one.sum()) for one in seen), agrees))
@@ -92,7 +92,7 @@ def _inputs_within(logs: Sequence[RecordedLog], rows: Sequence[Mask], terms: int
     return bool(out.min() >= seen.min() - beyond and out.max() <= seen.max() + beyond)
 
 
-def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[RecordedLog]) -> tuple[list[Array], bool]:
+def _missed(solved: Solved, part: Sequence[RecordedLog]) -> tuple[list[Array], bool]:
     """Model less recorded at all rows that have an output, by a fit to a part; and whether the whole fit explains that
     part as well."""
     fitted = solved.fitted
@@ -100,11 +100,12 @@ def _missed(solved: Solved, part: Sequence[RecordedLog], whole: Sequence[Recorde
     own = [one.own[one.own >= 0] for one in fitted.places]
     at = np.concatenate([np.arange(fitted.shared), *(own[k] for k in kept)]).astype(np.intp)
     x = solved.x.copy()
-    problem = _set_up_like(fitted, [part[k] for k in kept]).problem()
+    remains, as_left = [part[k] for k in kept], fitted.falls_as_left
+    problem = setup_of(fitted.model, remains, fitted.idle_free, fitted.dead_time_s, as_left, fitted.extras).problem()
     end, before = approach(problem, x[at], near=PART_SETTLED), problem.value(x[at])[0]
     x[at] = end.x
-    _bridge_unseen(x, fitted, [part[k] for k in kept])
-    every = _set_up_like(fitted, whole).every
+    _bridge_unseen(x, fitted, remains)
+    every = fitted.every
     missed = []
     for k, drive in enumerate(every.drives):
         its = every.places[k].kernel[AT_IDLE:]
@@ -128,8 +129,3 @@ def _bridge_unseen(x: Array, fitted: Setup, kept: Sequence[RecordedLog]) -> None
         return
     through = pieces_through(tuple(zip(form.inputs[seen].tolist(), x[: form.size][seen].tolist(), strict=True)))
     x[: form.size][~seen] = piecewise(through, form.inputs[~seen], (fitted.model.low, fitted.model.high))
-
-
-def _set_up_like(fitted: Setup, logs: Sequence[RecordedLog]) -> Setup:
-    """The setup of other logs for the same model."""
-    return setup_of(fitted.model, logs, fitted.idle_free, fitted.dead_time_s, fitted.falls_as_left, fitted.extras)

@@ -30,7 +30,6 @@ from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
 from eaid.recorded.few_rows import MOVING_ROWS, Copies
 from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, fit_near, setup_of, with_dead_time
-from eaid.recorded.log_intervals import effective_samples
 
 SHARED = [0, 4, 5]  # What `swinging_sums` have of all logs: the answer, its rate, and the output
 GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 18  # Of the grid
@@ -287,18 +286,9 @@ def richer_gains(search: Search, stepwise_levels: int) -> Iterator[Form]:
             yield LegendreForm(degree, low, high) if rests else Proportional(low, high, degree)
 
 
-def count_independent(solved: Solved) -> float:
-    """Independent samples in the residuals of a fit."""
-    count = 0.0
-    for r, drive in zip(solved.missed, solved.setup.drives, strict=True):
-        dt_s = float(drive.dt_s.sum()) / max(len(r), 1)
-        count += effective_samples(r, dt_s)
-    return max(count, 1.0)
-
-
 def noise_saves(solved: Solved, unknowns: int, chance: float = SHARE_CHANCE) -> float:
     """Squares that so many unknowns save of nothing but noise, more as rarely as by `chance`."""
-    return float(chdtri(unknowns, chance)) * solved.cost / count_independent(solved)
+    return float(chdtri(unknowns, chance)) * solved.cost / solved.independent
 
 
 def refit_on_all(search: Search, one: Tried, last: bool = False) -> Tried:
@@ -326,8 +316,8 @@ def score_kinds(tried: Sequence[Tried]) -> list[Tried]:
     what is left: those of gain and pace, which differ from run to run, in full, those of the lags as far as that is no
     white noise; a dead time, which a loop feels most, has none of these. Noise is what constant lags leave."""
     least = min((one for one in tried if not one.paced), key=lambda one: one.cost)
-    rounding, independent = least.solved.setup.problem().floor / ROUNDING * 1e-13, count_independent(least.solved)
-    noise, coloured = least.cost / independent, 1 - min(independent / sum(map(len, least.solved.missed)), 1.0)
+    rounding, independent = least.solved.setup.problem().floor / ROUNDING * 1e-13, least.solved.independent
+    noise, coloured = least.cost / independent, 1 - min(independent / sum(map(len, least.solved.outputs)), 1.0)
     rows = []
     for one in tried:
         p, of_curves = one.solved.setup.size, one.solved.setup.model.slices[1].stop - 1

@@ -37,6 +37,7 @@ ASKED_ROWS = 0.3  # … from so much of one, and a standard error: what rings be
 FAR_ROWS = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
 LOWER = 0.02
 FARTHEST_ROWS = 500  # … and this many are looked for
+DELAY_ROWS = 1_000_000  # Of a log, from its first on, by which its delay is looked for
 # Rows from which a delay is told, by whether the input is held; one that moves is read half a row off by itself. An
 # input that is held and changes between two rows is noted half a row late
 LATE_ROWS, BETWEEN_ROWS = {True: 0.5, False: 0.75}, 0.25
@@ -184,6 +185,7 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
 def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
     """The delay of one log, by whole rows but where an input is held and changes between two; none where noise has
     it."""
+    log = first_rows(log, DELAY_ROWS)
     rows, x = far_delay(base.fitted, base.x[base.setup.places[index].columns], log)
     first, moved = rows, _move_input(log, rows)
     step, sd = step_to_delay(base.fitted, x, moved)
@@ -201,6 +203,13 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
         return Delay(0, delay - half, delay + half)
     between = 0 < delay < min(1 - WHOLE_ROWS, 1 - half) and changes_between_rows(base, index, log)
     return Delay(delay if between else rows, delay - half, delay + half)
+
+
+def first_rows(log: RecordedLog, rows: int) -> RecordedLog:
+    """The begin of a log, which tells its delay as well as all of it does; itself where it has no more rows."""
+    if len(log.input) <= rows:
+        return log
+    return replace(log, time_s=log.time_s[:rows], input=log.input[:rows], output=log.output[:rows])
 
 
 def differ_by_a_row(setup: Setup, x: Array, drive: Drive) -> Array:

@@ -22,7 +22,7 @@ from eaid.findings import Finding, finding
 from eaid.plant.sums import follow_play, lagged, unforeseen
 from eaid.recorded.from_logs import Solved, plant_found
 from eaid.recorded.late import ORDER, autoregression
-from eaid.recorded.log_intervals import effective_samples
+from eaid.steps.noise import effective_samples
 
 PLAYS = (0.1, 0.3, 0.6)  # Widths, in parts of the input's range
 FUNCTIONS, OF_SIZE = 5 + len(PLAYS), 3  # Of the input, and those of its size among them

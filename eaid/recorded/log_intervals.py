@@ -21,17 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
-from eaid.arrays import Array, means_of
+from eaid.arrays import Array
 from eaid.estimate.scatter import USUAL, USUAL_TAU, pace, scatter_about, scatter_of_singles
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
 from eaid.findings import Finding, finding
 from eaid.plant.drive import Drive
 from eaid.recorded.from_logs import Setup, Solved, idle_found
 from eaid.recorded.late import differ_by_a_row
+from eaid.steps.noise import correlation_s
 from eaid.steps.stepset import Level
 
 BINS = 16_384  # Derivatives and residuals are first added up over so many short bins of a log, at most
-QUICK_LAGS, ALL_LAG_ROWS = 16, 10**6  # Lags of a correlation that are looked at first; rows in which all are
 SMOOTH_PART = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
 LEAST_LEFT = 0.25  # A line keeps at least this part of its power
 SMALL_OUTPUT = 9.0  # An output is small or large beside its mean square over this
@@ -174,26 +174,6 @@ def _smooth_lines(values: Array, half: int) -> Array:
     mirrored = np.concatenate([values[half:0:-1], values, values[-2 : -half - 2 : -1]])
     total = np.append(0.0, np.cumsum(mirrored))
     return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
-
-
-def correlation_s(r: Array, dt_s: float) -> float:
-    """Integrated correlation time of residuals [s]: half of what one independent sample takes."""
-    n, r = len(r), r - r.mean()
-    if n < 8 or not r @ r > 0:
-        return 0.5 * dt_s
-    rho = np.array([float(r[k:] @ r[: n - k]) for k in range(min(QUICK_LAGS, n))])  # a tenth of the time of all lags
-    if rho.min() >= 0.05 * rho[0] and n > QUICK_LAGS:
-        if n > ALL_LAG_ROWS:  # what lasts for so many rows is seen in means of some
-            return correlation_s(means_of(r, -(-n // ALL_LAG_ROWS)), -(-n // ALL_LAG_ROWS) * dt_s)
-        rho = np.fft.irfft(np.abs(np.fft.rfft(r, 2 * n)) ** 2)[:n]
-    below = np.flatnonzero(rho < 0.05 * rho[0])
-    end = int(below[0]) if len(below) else n
-    return float((0.5 + rho[1:end].sum() / rho[0]) * dt_s)
-
-
-def effective_samples(r: Array, dt_s: float) -> float:
-    """How many samples of residuals are worth one each."""
-    return len(r) * dt_s / max(2 * correlation_s(r, dt_s), dt_s)
 
 
 def engagements(drive: Drive) -> NDArray[np.intp]:

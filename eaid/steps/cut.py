@@ -48,7 +48,9 @@ BEGINS_AT = 0.1  # Share of its change by which an output may lie off its rest w
 AT_ONCE = 0.2  # Share of the time to its rise that an output under a constant input may rest, which is a dead time
 SLOWS = 0.8  # Share of its usual speed below which a stroke slows down
 WANDERS = 0.15  # Range of a measured input, as a share of its median, up to which it is one load that wanders
-MOST_SETTLED = 60  # Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too
+# Steps up to which a log that is fitted as it was recorded has each step fitted by itself, too, and changes of input up
+# to which these are looked for
+MOST_SETTLED, MOST_CHANGES = 60, 1000
 
 
 def cut_by_input(run: Run) -> list[Run]:
@@ -411,6 +413,8 @@ def cut_runs(runs: Sequence[Run], options: ReadOptions) -> tuple[list[Run], list
 
 def settled_steps(runs: Sequence[Run], options: ReadOptions) -> tuple[LevelStep, ...]:
     """The changes of input between settled holds in logs that are not cut otherwise; none of a log without steps."""
+    if sum(len(plateaus(run.input)) for run in runs) > MOST_CHANGES:
+        return ()
     settled = [step for step in cut_runs(runs, options)[0] if not stops(step.findings)]
     return level_steps(settled, {}) if len(settled) <= MOST_SETTLED else ()
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, means_of, median
 
 BLOCKS = 20  # A window is judged by the means of this many equal parts
 STANDARD_ERRORS = 5.0  # Standard errors beyond which a difference is told
@@ -140,3 +140,26 @@ def idle_density(time_s: Array, idle: Array) -> float | None:
         return None
     left = fit_line(place[full], means).left
     return float(IDLE_BLOCK_S * (left @ left) / (len(means) - 2))
+
+
+QUICK_LAGS, ALL_LAG_ROWS = 16, 10**6  # Lags of a correlation that are looked at first; rows in which all are
+
+
+def correlation_s(r: Array, dt_s: float) -> float:
+    """Integrated correlation time of residuals [s]: half of what one independent sample takes."""
+    n, r = len(r), r - r.mean()
+    if n < 8 or not r @ r > 0:
+        return 0.5 * dt_s
+    rho = np.array([float(r[k:] @ r[: n - k]) for k in range(min(QUICK_LAGS, n))])  # a tenth of the time of all lags
+    if rho.min() >= 0.05 * rho[0] and n > QUICK_LAGS:
+        if n > ALL_LAG_ROWS:  # what lasts for so many rows is seen in means of some
+            return correlation_s(means_of(r, -(-n // ALL_LAG_ROWS)), -(-n // ALL_LAG_ROWS) * dt_s)
+        rho = np.fft.irfft(np.abs(np.fft.rfft(r, 2 * n)) ** 2)[:n]
+    below = np.flatnonzero(rho < 0.05 * rho[0])
+    end = int(below[0]) if len(below) else n
+    return float((0.5 + rho[1:end].sum() / rho[0]) * dt_s)
+
+
+def effective_samples(r: Array, dt_s: float) -> float:
+    """How many samples of residuals are worth one each."""
+    return len(r) * dt_s / max(2 * correlation_s(r, dt_s), dt_s)

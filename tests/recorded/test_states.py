@@ -13,7 +13,7 @@ from eaid.plant.forms import Proportional
 from eaid.plant.sums import lagged
 from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Setup
-from eaid.recorded.log_intervals import correlation_s
+from eaid.steps.noise import correlation_s
 
 
 def plainly(drive: Drive, tables: Tables, scalars: Any, start: tuple[Any, Any] = (0.0, 0.0)) -> Any:
