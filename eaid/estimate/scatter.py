@@ -22,7 +22,7 @@ from scipy.special import fdtrc
 
 from eaid.arrays import Array, Mask, inverse, median
 from eaid.estimate.forms import RECORDS, RECORDS_FREE
-from eaid.estimate.spread import FEW_DEGREES, LevelScatter
+from eaid.estimate.spread import FEW_DEGREES, LevelScatter, t_quantile
 from eaid.plant.dynamics import TAU_FLOOR_S, Step
 from eaid.plant.steps import step_slopes
 from eaid.results.models import Noise
@@ -337,8 +337,9 @@ class Scatter:
             if row.sum() - TERMS[name] >= SPARE_LEVELS:
                 between[k] = _between(self.duty[row], theta[row, k], within[row, k], TERMS[name])
                 degrees.append(float(row.sum() - TERMS[name]))
-        variance = within + np.where(np.isfinite(between), between, 0.0)
-        return scatter_of_all(variance, min(degrees, default=FEW_DEGREES), between)
+        known = min(degrees, default=FEW_DEGREES)
+        usual = np.array([USUAL, *[USUAL_TAU] * (len(between) - 1)]) * t_quantile(np.inf) / t_quantile(known)
+        return scatter_of_all(within + np.where(np.isfinite(between), between, usual**2), known, between)
 
     @cached_property
     def of_levels(self) -> LevelScatter:

@@ -46,6 +46,7 @@ from eaid.sessions.model import chance_beyond
 from eaid.shown import Plotted, pandas
 
 MOVED_CHANCE = 0.05
+SAME_B = 1.05  # Factor by which a B is no other, where all levels that gains were made for have the same one
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
 LETTERS = (*ascii_uppercase, *("".join(two) for two in product(ascii_uppercase, repeat=2)))
 CALLED = SYMBOLS | {"held": "held output", "peak": "peak"}
@@ -298,15 +299,16 @@ def _retune(fit: Fit, gains: Gains) -> Retune:
         raise DataError("the first fit holds no linear model, so no B; fit it with «model» linear too")
     B_m, B_M, kept = gains.rc.B_m, gains.rc.B_M, fit.linear.bounds.levels if fit.linear.bounds is not None else ()
     each = (row for row in fit.linear.per_level if row.level in kept or not kept)
-    rows = [(row.level, row.B, ci95_of(row, "B")) for row in each if row.B is not None]
-    out = tuple(u for u, B, _ in rows if not B_m <= B <= B_M)
+    ends = ci95_of(fit.linear, "b0")  # of 1/B, where levels have no interval of their own
+    part = (fit.linear.b0 / ends[1], fit.linear.b0 / ends[0]) if ends and ends[0] > 0 else (1.0, 1.0)
+    rows = [(row.level, row.B, ci95_of(row, "B") or (row.B * part[0], row.B * part[1])) for row in each if row.B]
+    low, high = min(B_m, B_M / SAME_B), max(B_M, B_m * SAME_B)
+    out = tuple(u for u, B, _ in rows if not low <= B <= high)
 
     def beyond(part: float) -> tuple[float, ...]:
         """Levels outside by a part of their interval and of the range's, which rests on a fit as good."""
         reach = part * 2**0.5
-        return tuple(
-            u for u, B, ci in rows if ci and (B * (ci[1] / B) ** reach < B_m or B * (ci[0] / B) ** reach > B_M)
-        )
+        return tuple(u for u, B, ci in rows if B * (ci[1] / B) ** reach < low or B * (ci[0] / B) ** reach > high)
 
     sure, unsure = beyond(1.0), beyond(0.5)
     lacking = lacking_loops(fit, gains)
