@@ -241,7 +241,7 @@ class RigExtras(Options):
     """
 
     noise_nm: float = option(0.0, "Noise on the measured torque, sd [N·m].", RIG)
-    delay_samples: int = option(0, "Control delay [samples].", RIG, least=0, most=100_000)
+    delay_samples: int = option(0, "Control delay, beside the plant's [samples].", RIG, least=0, most=100_000)
     pwm_hz: float = option(0.0, "Duty latched once a PWM period [Hz]; 0: off.", RIG)
 
 
@@ -278,9 +278,7 @@ class CoupleOptions(Options):
     loops: OptionWords = option(LOOPS, "Loops that are judged.", LOOP, words=LOOPS, shown="NAME,…")
     rate_hz: float | None = option(None, "Control rate [Hz]; by itself the gains', or the rig's.", LOOP, **RATE)
     pwm_hz: float = option(0.0, "Duty latched at [Hz]; 0: at once.", LOOP)
-    delay_samples: int = option(
-        0, "From reading to duty [samples]; 0: the dead time that the fit shows.", LOOP, least=0, most=100_000
-    )
+    delay_samples: int = option(0, "Control delay, beside the plant's [samples].", LOOP, least=0, most=100_000)
     replay: bool = option(True, "Also bisect replays of the nonlinear plant.", LOOP)
     torque: Numbers = option((), "Torques held; by itself four over the fitted range.", LIMB, shown="1,2,3")
     wall: float | None = option(None, "A stiffness that has to be rendered [N·m/rad].", LIMB, above=True)

@@ -246,7 +246,7 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
         raise UsageError("«encoder_counts»: are those of a turn, and a force in N acts along a line; leave it out")
     made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
     rate_hz = options.rate_hz or made_for or paced(control_rate(fit), plant, options)
-    delay = options.delay_samples or round(fit.dead_time_s * rate_hz)
+    delay = options.delay_samples + round(fit.dead_time_s * rate_hz)
     timing = Timing(rate_hz, options.pwm_hz or None, delay)
     laws = {"rc": law_of(gains, "rc"), "rc-no-rate": law_of(gains, "rc"), "pi": law_of(gains, "pi")}
     held = [loop for loop in LOOPS if loop not in laws or laws[loop] is not None]
@@ -279,10 +279,12 @@ def couple(fit: Fit, gains: Gains | None, options: CoupleOptions, progress: Prog
     encoder = None if counts is None or drag is None else 2 * drag / (2 * math.pi / counts)
     slip = options.rotor_rpm * 2 * math.pi / 60 - options.limb_speed_rad_s if turns else None
     impedance = parts.Impedance(drag, left, encoder, slip, 2 * left)
-    used = replace(options, rate_hz=rate_hz, delay_samples=delay)
+    told = [*_findings(walls, options, impedance, unit), *of_this_mounting(fit, "walls")]
+    if fit.dead_time_s > 0:
+        told.append(finding("dead-time-replayed", "walls", dead_time_s=fit.dead_time_s))
     return parts.Coupling(
-        options=used, output_unit=unit, walls=tuple(walls), impedance=impedance,
-        findings=ranked([*_findings(walls, options, impedance, unit), *of_this_mounting(fit, "walls")]),
+        options=replace(options, rate_hz=rate_hz), output_unit=unit, walls=tuple(walls), impedance=impedance,
+        findings=ranked(told),
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from eaid.errors import UsageError
 from eaid.export.constants import SERIES, commented, decimal, hexadecimal, namespace, rounded
 from eaid.export.job import Job
 from eaid.shown import input_word, output_word
@@ -26,6 +27,7 @@ from eaid.synth.files import input_column
 MADE_BY = b", made by eaid "
 COMPILER_FLAGS = ("-O2", "-std=c99", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 Files = Iterator[tuple[str, str | bytes]]
+WHOLE_US = 0.0005  # Part of a period by which a whole number of microseconds may lie off it
 VECTOR_COLUMNS = "law,case,before,reference,reference_rate,torque,from_duty,expected,status"
 
 
@@ -135,6 +137,13 @@ def _c(job: Job) -> Files:
 def _arduino(job: Job) -> Files:
     yield from _c(job)
     if set(job.laws) - {"plant"}:
+        step_us = job.rig.dt_s * 1e6
+        if abs(round(step_us) - step_us) > WHOLE_US * step_us:
+            near = " or ".join(f"{1e6 / whole:.8g}" for whole in (math.ceil(step_us), math.floor(step_us)) if whole)
+            raise UsageError(
+                f"«rate_hz» {1 / job.rig.dt_s:.8g}: an Arduino counts whole microseconds, and {step_us:.6g}, its "
+                f"period, is none; give {near}"
+            )
         yield f"{job.name}.ino", rendered(job, "sketch.ino.j2")
 
 

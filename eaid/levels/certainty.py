@@ -35,6 +35,7 @@ from eaid.levels.torque_curve import TorqueCurve, torque_curve
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant
 from eaid.plant.forms import KnownPoints
+from eaid.plant.steps import step_bends
 from eaid.shapes.shape import is_coloured
 from eaid.steps.stepset import Level
 
@@ -432,4 +433,17 @@ def estimate_levels_first(
     levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None
 ) -> Estimate:
     """The estimate from the runs of L levels, `data` being their means; `near` is that of data that differ little."""
-    return Estimate(levels, fit_levels_first(data, share, None if near is None else [near.solved.x]))
+    found = Estimate(levels, fit_levels_first(data, share, None if near is None else [near.solved.x]))
+    if (found.scatter.repeats == 1).all():
+        return found
+    return Estimate(levels, fit_levels_first(unbent(data, found.scatter), share, [found.solved.x]))
+
+
+def unbent(data: Data, seen: Scatter) -> Data:
+    """The mean curves of levels as τ1 and τ2 in the mean of their R runs make them: where these scatter by a variance
+    of ln τ, the mean of the runs is bent by half of that, less what R runs leave of it, times ∂²f/∂(ln τ)²."""
+    variance = np.nan_to_num(seen.pooled.between[1:3, None]) + seen.repeats * seen.pooled.common[1:3, None]
+    half = 0.5 * variance * (1 - 1 / seen.repeats)
+    points = data.points
+    bend = (half[:, :, None] * step_bends(seen.theta, points.t_s)).sum(axis=0)
+    return replace(data, compressed=replace(points, y=points.y - bend))

@@ -14,7 +14,7 @@ from eaid.estimate.points import level_residuals
 from eaid.estimate.scatter import Scatter
 from eaid.estimate.solver import solver_verdict
 from eaid.estimate.spread import Influence, interval_of
-from eaid.levels.certainty import Estimate
+from eaid.levels.certainty import Estimate, unbent
 from eaid.levels.from_steps import fit_levels_first
 from eaid.results.common import Interval, Solver
 from eaid.steps.stepset import Level
@@ -77,6 +77,12 @@ class OwnLevels:
 
 def own_levels(levels: Sequence[Level], data: Data, share: float | None, near: OwnLevels | None = None) -> OwnLevels:
     """Every level by itself, C held at `share` or free; `near` are those of data that differ little."""
+    found = _each_by_itself(levels, data, share, near)
+    several = bool((found.scatter.repeats > 1).any())
+    return _each_by_itself(levels, unbent(data, found.scatter), share, found) if several else found
+
+
+def _each_by_itself(levels: Sequence[Level], data: Data, share: float | None, near: OwnLevels | None) -> OwnLevels:
     each = []
     for i, level in enumerate(levels):
         begin = None if near is None else [near.each[i].solved.x]

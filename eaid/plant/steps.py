@@ -73,6 +73,12 @@ def slope_sizes(theta: Array) -> Array:
     return sizes
 
 
+def step_bends(theta: Array, t_s: Array) -> Array:
+    """Second derivatives of L steps of T_s, τ1, τ2, C, (4, L), by ln τ1 and ln τ2, at times (L, P): (2, L, P)."""
+    x = t_s / theta[1:3, :, None]
+    return np.asarray((theta[0] * [theta[3], 1 - theta[3]])[:, :, None] * x * (1 - x) * np.exp(-x))
+
+
 def peak_of(at: Step) -> tuple[float, float]:
     """When a step that overshoots (C > 1) is at its top [s], and its output there.
 

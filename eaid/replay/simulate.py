@@ -63,7 +63,7 @@ def simulate(
         raise UsageError(f"«{unused[0]}»: does nothing with logs; leave it out")
     made_for = gains.margins.timing.rate_hz if gains is not None and gains.margins is not None else None
     rate_hz = options.rate_hz or made_for or control_rate(fit)
-    if fit.dead_time_s > 0 and rig.delay_samples == 0:
+    if fit.dead_time_s > 0:
         findings.append(finding("dead-time-replayed", "nonlinear", dead_time_s=fit.dead_time_s))
     reasons = {"plant": fit.verdict.of(*PLANT_MODELS).sentence, "gains": None if gains is None else gains.not_usable}
     not_usable = {name: why for name, why in reasons.items() if why}
@@ -72,8 +72,6 @@ def simulate(
     if model.excess and runs is None:  # a controller's input moves all the time, and falls to no level
         findings.append(finding("replay-no-hysteresis", "nonlinear", excess_pct=100 * model.excess))
     plant, dt_s = plant_numbers(model), 1.0 / rate_hz
-    if rig.delay_samples:
-        plant = plant._replace(late_s=0.0)
     outcome: Outcome
     if runs is not None:
         outcome = {run.name: compared(run, fit, model) for run in runs}, {}, []

@@ -244,28 +244,38 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
 
 
 def _with_linear(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
-    """The fit with a linear model whose gain follows T_s, and with B of the next session."""
+    """The fit with a linear model whose gain follows T_s, and with B of the next session; where sessions do not know B,
+    which goes with τ1/T_s, as T_s and its interval, and τ1 where they know that, make it."""
     old = base.linear
-    if old is None or not old.a0 > 0 or not foreseen.keys() >= {"B", "a0"}:
+    if old is None or not old.a0 > 0:
         return base
-    B, a0, before = foreseen["B"], foreseen["a0"], {row.level: row for row in old.per_level}
-    level, moved = [], []
+    Ts, tau1, before = foreseen["Ts"], foreseen.get("tau1"), {row.level: row for row in old.per_level}
+    level, moved, a0 = [], [], foreseen.get("a0")
     for k, row in enumerate(rows):
-        if row.level not in before:
+        if row.level not in before or not (own_B := before[row.level].B):
             continue
-        one, (low, high) = float(B.value[k]), B.ends[:, k].tolist()
-        gain = before[row.level].gain * float(foreseen["Ts"].value[k]) / row.Ts
-        ends = parts.LinearLevelIntervals(B=(low, high), dof={"B": float(B.dof[k])})
+        slower = 1.0 if tau1 is None else float(tau1.value[k]) / row.tau1
+        gain = before[row.level].gain * float(Ts.value[k]) / row.Ts
+        if (B := foreseen.get("B")) is not None:
+            one, (low, high), dof = float(B.value[k]), B.ends[:, k].tolist(), float(B.dof[k])
+        else:
+            one, *_ = values = [own_B * slower * row.Ts / of for of in (Ts.value[k], *Ts.ends[::-1, k])]
+            (low, high), dof = map(float, values[1:]), float(Ts.dof[k])
+        ends = parts.LinearLevelIntervals(B=(low, high), dof={"B": dof})
         level.append(parts.LinearLevel(row.level, row.level / (one * gain), gain, 1 / one, 0.0, one, ci95=ends))
         moved.append(gain - before[row.level].gain)
+    if not level:
+        return base
     at = [one.level for one in level]
     slope, offset = np.polyfit(at, moved, 1).tolist() if len(at) > 1 else (moved[0] / at[0], 0.0)
     kept = old.bounds.levels if old.bounds is not None else tuple(at)
     inside = [one.ci95.B for one in level if one.level in kept and one.ci95 is not None and one.ci95.B is not None]
-    value, (low, high) = float(a0.value[0]), a0.ends[:, 0].tolist()
+    value, ci95 = old.a0, parts.PooledIntervals()
+    if a0 is not None:
+        value, (low, high) = float(a0.value[0]), a0.ends[:, 0].tolist()
+        ci95 = parts.PooledIntervals(a0=(low, high), dof={"a0": float(a0.dof[0])})
     linear = parts.Linear(
-        value, value * (old.b0 / old.a0 + slope), value * (old.c0 / old.a0 + offset), old.solver,
-        parts.PooledIntervals(a0=(low, high), dof={"a0": float(a0.dof[0])}), tuple(level),
+        value, value * (old.b0 / old.a0 + slope), value * (old.c0 / old.a0 + offset), old.solver, ci95, tuple(level),
         parts.Bounds(levels=kept, B_m=min(one[0] for one in inside), B_M=max(one[1] for one in inside)),
     )  # fmt: skip
     return replace(base, linear=linear)

@@ -83,6 +83,8 @@ def render(
     """What one run of the rig gives where the input takes some values, each from an instant on: (instants, values)."""
     starts, levels = steps
     value = levels[np.searchsorted(starts, time_s, side="right") - 1]
+    if plant.dead_time_s > 0:  # at rest until the first input acts
+        starts, levels = np.append(0.0, starts + plant.dead_time_s), np.append(0.0, levels)
     torque = driven(plant.acting(factors), starts, levels, time_s)
     return time_s, value, read_sensor(torque, time_s, plant.rotor_hz(value), disturbance, draw)
 

@@ -64,6 +64,11 @@ class Specimen:
         return self.model.u_range if self.model is not None else (min(self.levels), max(self.levels))
 
     @property
+    def dead_time_s(self) -> float:
+        """How late its output answers [s]."""
+        return self.model.dead_time_s if self.model is not None else 0.0
+
+    @property
     def is_duty(self) -> bool:
         """Whether the input is a duty cycle, which ends at 100 %."""
         return self.kind == "clutch" and self.input_unit == "%" and max(self.levels, default=0.0) <= 100

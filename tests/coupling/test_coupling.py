@@ -124,8 +124,10 @@ def test_a_dead_time_that_the_steps_show_counts_as_delay():
             "samples": 9}  # fmt: skip
     options = {"loops": ("open-loop",), "torque": (1.0,)}
     late = couple(steps=[{**rise, "dead_time_s": 0.02}], **options)
-    assert late.options.delay_samples == 20
+    assert late.options.delay_samples == 0 and "dead-time-replayed" in {one.code for one in late.findings}
     assert late.walls == couple(**options, delay_samples=20).walls != couple(**options).walls
+    both = couple(steps=[{**rise, "dead_time_s": 0.015}], **options, delay_samples=5)
+    assert both.walls == late.walls  # one adds to the other
     (far,) = couple(steps=[{**rise, "dead_time_s": 1.5}], **options).walls  # b over lag, half a sample and delay
     (near,) = couple(**options).walls
     assert 0.8 / far.K_passive == pytest.approx(0.8 / near.K_passive + 1.5, rel=0.02) and far.K_stable < near.K_stable

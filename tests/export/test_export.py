@@ -7,11 +7,16 @@ import shutil
 from pathlib import Path
 
 import msgspec
+import numpy as np
+import pandas
 import pytest
 import yaml
 
 import eaid
+from eaid.control.defaults import input_limits
 from eaid.findings import finding
+from eaid.plant.dynamics import Plant
+from eaid.plant.respond import respond
 
 from .conftest import LAWS, PAPER, PLANT, compiled, fit_of, gains_of, merged, ran
 
@@ -248,3 +253,23 @@ def test_every_readme_is_one_page_with_units_and_the_list(exported, target):
     for word in ("Sign", "Zero", "Limits", "Watchdog", "Log", "N·m", "0.001 s", "{{"):
         assert (word in text) == (word != "{{")
     assert all(f"eaid_{law}" in text or target in ("yaml", "fmu") for law in LAWS[1:2])
+
+
+def test_a_rig_of_both_signs_gets_a_direction_pin_and_no_more_than_it_was_driven_with(tmp_path):
+    """Its sketch clipped what is below 0, and −100 V was a limit of a rig that was driven with −20 V at most."""
+    draw, t = np.random.default_rng(1), np.arange(0, 40, 0.01)
+    u = np.where(t < 1, 0.0, draw.choice([-20.0, -10.0, 10.0, 30.0, 60.0, 100.0], 60)[(t / 0.7).astype(int)])
+    plant = Plant((0.3,), (0.3,), (0.0, 0.05), (10.0, 100.0), C=1.0, Ts_below=(0.0, -0.05))
+    y = respond(plant, t, u, t) + 0.004 * draw.standard_normal(len(t))
+    fit = eaid.fit(pandas.DataFrame({"time (s)": t, "input (V)": u, "torque (N.m)": y}))
+    gains = eaid.tune_rc(fit)
+    made = eaid.export(gains, tmp_path / "rig", fit, target="arduino")
+    assert input_limits(fit) == (-20.0, 100.0)
+    assert "digitalWrite(DIRECTION_PIN, duty < 0" in (made.path / "rig.ino").read_text()
+    assert "makes no negative" not in (made.path / "README.md").read_text()
+    with pytest.raises(eaid.UsageError, match=r"6000: .* 166\.667, its period, is none; give 5988\.024 or 6024\.0964"):
+        eaid.export(gains_of(), tmp_path / "quick", fit_of(), target="arduino", rate_hz=6000.0)
+    assert "DIRECTION_PIN" not in "".join(
+        path.read_text()
+        for path in eaid.export(gains_of(), tmp_path / "one", fit_of(), target="arduino").path.iterdir()
+    )

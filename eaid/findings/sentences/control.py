@@ -181,7 +181,7 @@ ROWS: dict[str, Row] = {
         "«ci» robust to carry the uncertainty on"
     ),
     "dead-time-replayed": note(
-        "the input acts {dead_time_s:.3g} s late, the dead time that the steps show; «delay_samples» says another"
+        "the input acts {dead_time_s:.3g} s late, the dead time that the logs show; «delay_samples» adds to it"
     ),
     "log-without-creep": note("logs of the fit are compared without the creep of their output, as it was fitted"),
     "no-gains": note("no «gains», so rc and pi are left out; the controllers that need none are replayed"),
