@@ -46,6 +46,9 @@ from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Timing
 
 NEVER = math.inf, 0.0
+AT_EDGE = (
+    1e-3  # Part of the largest T_s by which a torque may lie beyond those that the plant holds, as digits leave it
+)
 STIFFEST = 1e6  # [N·m/rad]; a wall beyond it is called without limit
 ALIASES = 12  # Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum
 BESIDE_RAD = 1e-4  # Where the limb is let go
@@ -72,17 +75,20 @@ def channel_of(loop: str, plant: Plant, torque_nm: float, gains: Law | None, dt_
     least, most = (float(plant.steady(u)) for u in plant.u_range)
     if least == most:
         raise UsageError("the fit knows one level only, and a wall needs how T_s rises; record more levels")
-    if not least <= torque_nm <= most:
+    if not least - AT_EDGE * most <= torque_nm <= (1 + AT_EDGE) * most:
         raise UsageError(
             f"«torque» {torque_nm:g}: the fitted plant holds {least:.3g} to {most:.3g} within its identified inputs; "
             "choose a torque in between"
         )
+    torque_nm = min(max(torque_nm, least), most)
     held = float(brentq(lambda u: float(plant.steady(u)) - torque_nm, *plant.u_range, xtol=1e-12))
     point = Point(held, torque_nm, around(plant, held))
     if not point.plant.gain > 0:
         raise UsageError(f"«torque» {torque_nm:g}: T_s does not rise with the input there; choose another torque")
     if loop == "open-loop":
-        duties = np.linspace(*plant.u_range, 20_001)  # so fine a table is good to 1e-8 of the range
+        # down to rest, as a wall takes torque off, too; so fine a table is good to 1e-8 of the range
+        lowest, highest = -plant.u_range[1] if plant.signed else 0.0, plant.u_range[1]
+        duties = np.union1d(np.linspace(lowest, highest, 20_001), plant.u_range)
         steady = plant.steady(duties)
         law = LinearLaw(1 / point.plant.gain, 0.0, 0.0, 0.0)
         return Channel(plant, point, law, lambda s, r, _v, _t: (s, float(np.interp(r, steady, duties))), None)
