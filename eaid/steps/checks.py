@@ -32,7 +32,7 @@ from eaid.steps.noise import (
 from eaid.steps.plateaus import BACK, FEWEST_HELD, GLITCH, tolerance, turns
 from eaid.steps.repeats import copied_block
 from eaid.steps.step import GAP_ROWS, Cut, left_pct, usual_step
-from eaid.steps.stepset import Level
+from eaid.steps.stepset import ROWS_OF_RISE, Level
 
 SETTLING_ROWS = 20  # Rows before one value, and after it, that tell whether an output came to rest there
 BRIEF = 0.02  # Share of a window up to which a stuck sensor is told, and the numbers stand
@@ -336,10 +336,12 @@ def _drift(step: Cut) -> Finding | None:
 
 
 def idle_slope(step: Cut) -> float | None:
-    """How fast the output creeps before a step, with the sign of the rise; None where too few samples tell."""
-    if len(step.idle) < FEW_SAMPLES_CHECKED:
+    """How fast the output creeps before a step, with the sign of the rise; None where too few samples tell. Of its last
+    rows the rise may have begun between two."""
+    end = step.start - ROWS_OF_RISE
+    if end < FEW_SAMPLES_CHECKED:
         return None
-    return step.sign * fit_line(step.run.time_s[: step.start], step.idle).slope
+    return step.sign * fit_line(step.run.time_s[:end], step.idle[:end]).slope
 
 
 def creeping(steps: Sequence[Cut]) -> list[Finding]:

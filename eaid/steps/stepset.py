@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 # An output that leaves its rest so many times, and rows, before its input does as the input was noted late
 EARLY_PART, EARLY_ROWS = 2.0, 3
+ROWS_OF_RISE = 1  # Of an idle time, the last ones, within which a rise may have begun between two rows
 MOST_LEFT_OUT = 2 / 3  # Part of the runs of a set that may be left out; beyond, the fit must not be used
 
 
@@ -243,15 +244,26 @@ class StepSet(Shown):
 
     def noted_late(self, late_s: float) -> "StepSet":
         """The set of inputs that were noted so late: no run that left its rest about so early was off its rest, none
-        crept, for its rise began in the idle time, and holds end as much before their noted end, as the output did."""
+        crept, where its rise began in the idle time, and holds end as much before their noted end, as the output
+        did."""
         if late_s <= 0:
             return self
         kept = [[one for one in run.findings if not as_late(one, late_s, 1 / run.rate_hz)] for run in self.runs]
         pairs = zip(self.runs, kept, strict=True)
-        runs = tuple(replace(run, findings=tuple(own), idle_slope=None) for run, own in pairs)
+        began = [late_s * run.rate_hz > ROWS_OF_RISE for run in self.runs]
+        runs = tuple(
+            replace(run, findings=tuple(own), idle_slope=None if early else run.idle_slope)
+            for (run, own), early in zip(pairs, began, strict=True)
+        )
         ended = ([one.ended(late_s) for one in part] for part in (self.levels, self.releases))
         levels, releases = (tuple(one for one in part if len(one.time_s) > 1) for part in ended)
-        return replace(self, runs=runs, levels=levels, releases=releases, findings=self._told_of_no_creep)
+        return replace(
+            self,
+            runs=runs,
+            levels=levels,
+            releases=releases,
+            findings=self._told_of_no_creep if any(began) else self.findings,
+        )
 
     def middles_s(self, level: Level, unknown_s: float = 0.0) -> Array:
         """From the middle of the rest that each run of a level is counted from to its step [s], (R,)."""
