@@ -24,8 +24,9 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
+from eaid.recorded.engagements import engagements
 from eaid.recorded.from_logs import Setup, fit_near, setup_of
-from eaid.recorded.log_intervals import engagements, spread
+from eaid.recorded.log_intervals import spread
 from eaid.results.models import Noise
 from eaid.results.plan import PlannedRun
 

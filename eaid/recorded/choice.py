@@ -26,6 +26,7 @@ from eaid.recorded.creep import (
     sure,
 )
 from eaid.recorded.curve_intervals import curves
+from eaid.recorded.engagements import fit_beside_gains, gains_of_engagements, without_gains
 from eaid.recorded.fall_tests import (
     FALL_CHANCE,
     FALL_NAMES,
@@ -79,7 +80,7 @@ from eaid.recorded.late import (
     follows_output,
 )
 from eaid.recorded.left_over import drift_findings
-from eaid.recorded.log_intervals import gains_of_engagements, spread
+from eaid.recorded.log_intervals import spread
 from eaid.results.recorded import FallTest, KindTried
 
 BEYOND_REACHED = 3.0  # Times the output that was reached, beyond which no T_s is believed
@@ -173,7 +174,7 @@ def choose_plant(experiment: Experiment) -> Chosen:
         return _choose_behind_drift(experiment, gains, chosen)
     creeps = creeps if creeps.any() else find_creeps(chosen.tried, chosen.logs)
     if not creeps.any():
-        return chosen
+        return _choose_beside_gains(experiment, chosen)
     plain = [take_off_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
     again = _choose_plant(replace(experiment, logs=plain))
     solved, without = refit_with_creeps(again.solved, again.logs)
@@ -195,6 +196,17 @@ def _choose_behind_drift(experiment: Experiment, gains: Array, chosen: Chosen) -
     rows = zip(experiment.logs, (100 * total).tolist(), strict=True)
     told = [finding("gain-drifts", log.name, pct=pct) for log, pct in rows if abs(pct) > 100 * LEAST_GAIN]
     return replace(again, findings=[*again.findings, *told])
+
+
+def _choose_beside_gains(experiment: Experiment, chosen: Chosen) -> Chosen:
+    """The plant of logs whose engagements have gains of their own: chosen and fitted without these, as their squares
+    hide how the plant goes."""
+    alike = without_gains(chosen.tried[-1], experiment.logs)
+    if not alike:
+        return chosen
+    again = _choose_plant(replace(experiment, logs=alike))
+    recorded = [replace(log, output=one.output) for log, one in zip(again.logs, experiment.logs, strict=True)]
+    return replace(again, solved=fit_beside_gains(again.solved, recorded), logs=tuple(recorded), clutch=None)
 
 
 def _choose_plant(experiment: Experiment) -> Chosen:

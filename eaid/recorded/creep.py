@@ -20,9 +20,10 @@ from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE
 from eaid.plant.sums import lagged
+from eaid.recorded.engagements import FEWEST_ENGAGEMENTS, gains_of_engagements
 from eaid.recorded.from_logs import Solved, fit_near, fit_setup, idle_found, setup_of
 from eaid.recorded.kinds import noise_saves
-from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, gains_of_engagements, spread
+from eaid.recorded.log_intervals import Spread, spread
 from eaid.steps.noise import effective_samples
 
 LEAST_PART, MOST_PART = 0.004, 0.2  # Of what an output spans, that a creep makes of it by the end of its log

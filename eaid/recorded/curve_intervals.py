@@ -12,8 +12,9 @@ from eaid.estimate.spread import free_inverse, score_test_end
 from eaid.findings import Finding, finding
 from eaid.levels.friction import HELD_BY
 from eaid.plant.steps import decay
+from eaid.recorded.engagements import EngagementScatter
 from eaid.recorded.from_logs import Setup, Solved
-from eaid.recorded.log_intervals import EngagementScatter, Spread
+from eaid.recorded.log_intervals import Spread
 from eaid.results.common import Interval
 from eaid.results.models import CurveLevel, LevelIntervals
 
@@ -124,7 +125,7 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
     slopes = solved.setup.slopes(duty)
     values = slopes @ solved.x
     constrained = held_curves(solved)  # what a constraint holds is not estimated
-    noise, direct = uncertainty.scatter, solved.instruments is None
+    noise, direct = uncertainty.scatter, solved.instruments is None and solved.beside is None
     x = approach(solved.fitted.problem(), solved.x).x if direct else solved.x
     covariance = newton(solved.fitted, noise, x)[1]
     off = np.full((2, *values.shape), np.inf)  # both ends in log, downwards and upwards

@@ -41,12 +41,13 @@ from eaid.recorded.choice import (
 from eaid.recorded.closed_loop import judge_loops, refit_by_instruments
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
+from eaid.recorded.engagements import FEWEST_ENGAGEMENTS, log_that_differs
 from eaid.recorded.fall_tests import fit_with_falls
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, fit_through, idle_found, plant_found, start_states
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Experiment, find_inputs, input_findings, refuse
 from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
-from eaid.recorded.log_intervals import FEWEST_ENGAGEMENTS, Spread, log_that_differs, spread, spread_by_runs
+from eaid.recorded.log_intervals import Spread, spread, spread_by_runs
 from eaid.recorded.plant_part import LevelsOwn, OwnRow, find_own_lags, find_own_levels, intervals, plant_part
 from eaid.results.common import LevelError, Source
 from eaid.results.fit import Fit
@@ -459,7 +460,7 @@ def judge_logs(experiment: Experiment, chosen: Chosen, engagements: int) -> tupl
     """Each log, its loop and what the model makes of what it has not seen; findings of loops, unseen, and left."""
     base, logs = chosen.solved, experiment.logs
     loops, findings = judge_loops(base, chosen.logs)
-    unseen = held_out(base, chosen.logs)
+    unseen = held_out(base, chosen.logs) if base.beside is None else held_out(base.beside, base.beside.logs)
     if unseen is not None:
         findings += judge_unseen(unseen.fit_pct, unseen.held_pct, unseen.of)
     if not loops:

@@ -380,6 +380,8 @@ class Solved:
     solver: Solver
     # Inputs without the noise of the outputs, where they stood in for the recorded ones in the derivatives
     instruments: tuple[Drive, ...] | None = None
+    # Where the engagements of its logs have gains of their own: the fit to logs without these, with the same unknowns
+    beside: "Solved | None" = None
 
     @property
     def setup(self) -> Setup:
@@ -401,6 +403,11 @@ class Solved:
         w, r = self.setup.drives[log].w, self.setup.residuals(self.x, log)
         r /= np.sqrt(w if len(w) == len(r) else w[w > 0])
         return r
+
+    @property
+    def logs(self) -> list[RecordedLog]:
+        """What was fitted."""
+        return [one.log for one in self.fitted.copies]
 
     @cached_property
     def independent(self) -> float:

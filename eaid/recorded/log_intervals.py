@@ -19,13 +19,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from eaid.arrays import Array
-from eaid.estimate.scatter import USUAL, USUAL_TAU, pace, scatter_about, scatter_of_singles
+from eaid.estimate.scatter import USUAL, USUAL_TAU, scatter_about, scatter_of_singles
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
-from eaid.findings import Finding, finding
-from eaid.plant.drive import Drive
+from eaid.recorded.engagements import EngagementScatter, FreedLog, engagements, free_gains, scatter_of
 from eaid.recorded.from_logs import Setup, Solved, idle_found
 from eaid.recorded.late import differ_by_a_row
 from eaid.steps.noise import correlation_s
@@ -60,27 +58,30 @@ class BinnedLog:
         return np.asarray(np.add.reduceat(values, np.flatnonzero(np.diff(self.engaged, prepend=-1) != 0)))
 
 
-def bin_log(solved: Solved, clean: Setup, log: int) -> tuple[BinnedLog, Array]:
-    """One log in bins, its derivatives Z those of a `clean` drive, and its part of H, (n, n)."""
+def bin_log(solved: Solved, clean: Setup, log: int, freed: "FreedLog | None" = None) -> tuple[BinnedLog, Array]:
+    """One log in bins, its derivatives Z those of a `clean` drive, or `freed` of gains, and its part of H, (n, n)."""
     setup, x, drive = solved.setup, solved.x, solved.setup.drives[log]
     counted, columns = drive.w > 0, setup.places[log].columns
     output = drive.y[counted] - idle_found(solved, log)
     step = -(-len(output) // BINS)
     starts = np.arange(0, len(output), step)
     plain, scaled, H, at = *np.zeros((2, len(starts), setup.size)), np.zeros((setup.size, setup.size)), 0
-    if clean is setup:
+    of_Z = columns
+    if freed is not None:
+        both, of_Z = iter([(freed.Z, freed.J)]), np.arange(setup.size)
+    elif clean is setup:
         both = ((piece, piece) for piece in setup.derivatives(x, log))
     else:  # in one piece: their rows where inputs change are not the same
         both = ((clean.jacobian(x, log)[0], setup.jacobian(x, log)[0]) for _ in range(1))
     for Z, J in both:
-        Z, J = Z[:, : len(columns)], J[:, : len(columns)]
-        H[np.ix_(columns, columns)] += Z.T @ J
+        Z, J = Z[:, : len(of_Z)], J[:, : len(columns)]
+        H[np.ix_(of_Z, columns)] += Z.T @ J
         rows = slice(at % step, at % step + len(Z))  # in whole bins, the first begun before
         bins = -(-rows.stop // step)
-        whole, factors = np.zeros((bins * step, len(columns))), np.zeros((2, bins * step))
+        whole, factors = np.zeros((bins * step, len(of_Z))), np.zeros((2, bins * step))
         whole[rows], factors[0, rows], factors[1, rows] = Z, 1.0, output[at : at + len(Z)]
-        sums = factors.reshape(2, bins, 1, step) @ whole.reshape(bins, step, len(columns))
-        into = np.ix_(np.arange(bins) + at // step, columns)
+        sums = factors.reshape(2, bins, 1, step) @ whole.reshape(bins, step, len(of_Z))
+        into = np.ix_(np.arange(bins) + at // step, of_Z)
         plain[into] += sums[0, :, 0]
         scaled[into] += sums[1, :, 0]
         at += len(Z)
@@ -176,117 +177,6 @@ def _smooth_lines(values: Array, half: int) -> Array:
     return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
 
 
-def engagements(drive: Drive) -> NDArray[np.intp]:
-    """Number of the engagement that a row belongs to, (n,): each begins where the input leaves rest."""
-    loaded = drive.duty[drive.which] != 0
-    begins = np.append(loaded[0], loaded[1:] & ~loaded[:-1])
-    return np.asarray(np.maximum(np.cumsum(begins) - 1, 0))
-
-
-WINDOW_S = 2.0  # Stretch over which the density of the noise is taken [s] …
-LOGS_S = (10.0, 600.0)  # … of logs of such lengths, of shorter and longer ones in proportion [s]
-FEWEST_ENGAGEMENTS = 4  # Fewest engagements whose scatter counts
-GAINS_CHANCE = 1e-3  # Gains that noise makes so different more rarely than this are told
-# Part by which a log that is told lies off the others, by chance as rarely as this; how engagements scatter at least,
-# and where too few tell it
-LEAST_LOG_PART, LOG_CHANCE, LEAST_SCATTER, USUAL_GAIN_SD = 0.03, 0.01, 0.002, 0.02
-LEAST_LOAD = 0.02  # An engagement with less than this part of the mean ∫ T² tells no gain
-
-
-@dataclass(frozen=True, eq=False)
-class EngagementScatter:
-    """Noise and scatter of a fit's residuals."""
-
-    sensor_nm2_s: float
-    ripple_s: float
-    gain: float  # Standard deviation of the gain between engagements beyond what noise makes of it
-    count: int
-    spare: float  # Of the engagements, what the fit does not follow: the degrees of freedom of that scatter
-    chance: float  # That noise alone makes gains so different
-    residuals: tuple[Array, ...]  # Model less recorded, without what the gains explain, of each log
-
-    @property
-    def findings(self) -> list[Finding]:
-        """Whether the output differs between engagements, where there are enough to see it."""
-        if self.count < FEWEST_ENGAGEMENTS:
-            return [finding("engagements-few", "data", count=self.count)]
-        if self.chance < GAINS_CHANCE and self.gain > 0:
-            return [finding("engagements-scatter", "data", scatter_pct=100 * self.gain, count=self.count)]
-        return []
-
-
-def gains_of_engagements(solved: Solved, k: int) -> tuple[Array, NDArray[np.intp], Array, Array, NDArray[np.bool_]]:
-    """Of a log the model's output (N,) and the engagement of each row, (N,); of its engagements Σ T², by what part the
-    model lies above the recorded output, and whether they are loaded enough to tell it."""
-    drive, r = solved.setup.drives[k], solved.missed[k]
-    T, which = solved.outputs[k] - idle_found(solved, k) + r, engagements(drive)[drive.w > 0]
-    square = np.asarray(np.bincount(which, T**2), dtype=np.float64)
-    loaded = np.asarray(square > LEAST_LOAD * square.mean())
-    return T, which, square, np.where(loaded, np.bincount(which, T * r) / np.maximum(square, 1e-300), 0.0), loaded
-
-
-def log_that_differs(solved: Solved, names: Sequence[str]) -> list[Finding]:
-    """Said where the output of one log of several lies off the others' by more than engagements scatter within logs."""
-    if len(names) < 2:
-        return []
-    gains = [gain[loaded] for _, _, _, gain, loaded in (gains_of_engagements(solved, k) for k in range(len(names)))]
-    spare = sum(len(one) - 1 for one in gains)
-    within = sum(float(((one - one.mean()) ** 2).sum()) for one in gains) / max(spare, 1)
-    within = max(within, LEAST_SCATTER**2) if spare >= FEWEST_ENGAGEMENTS else USUAL_GAIN_SD**2
-    means, counts = np.array([one.mean() for one in gains]), np.array([len(one) for one in gains])
-    off = [mean - float(np.delete(means, k).mean()) for k, mean in enumerate(means)]
-    errors = [np.sqrt(within * (1 / counts[k] + float((1 / np.delete(counts, k)).sum()) / (len(means) - 1) ** 2))
-              for k in range(len(means))]  # fmt: skip
-    k = int(np.argmax(np.abs(off)))
-    limit = t_quantile(float(max(spare, FEWEST_ENGAGEMENTS)), 1 - LOG_CHANCE / len(means)) * errors[k]
-    if abs(off[k]) <= max(limit, LEAST_LOG_PART):
-        return []
-    return [finding("log-differs", names[k], off_pct=-100 * float(off[k]))]
-
-
-def scatter_of(solved: Solved, followed: float) -> EngagementScatter:
-    """Gains of all engagements, and the noise about them; the fit has `followed` so many of them."""
-    gains, squares, fourths, cleaned, outputs, steps = [], [], [], [], [], []
-    for k, drive in enumerate(solved.setup.drives):
-        T, which, square, gain, loaded = gains_of_engagements(solved, k)
-        r = solved.missed[k]
-        steps.append(float(drive.dt_s.sum()) / len(r))
-        gains.append(gain[loaded])
-        squares.append(square[loaded] * steps[-1])
-        fourths.append(np.bincount(which, T**4)[loaded] * steps[-1])
-        cleaned.append(r - gain[which] * T)
-        outputs.append(T)
-    gamma, T2, T4 = np.concatenate(gains), np.concatenate(squares), np.concatenate(fourths)
-    if len(gamma) < FEWEST_ENGAGEMENTS:
-        return EngagementScatter(*densities(solved.missed, outputs, steps), 0.0, len(gamma), 1.0, 1.0, solved.missed)
-    s0, s1 = densities(cleaned, outputs, steps)
-    own = np.maximum((s0 * T2 + s1 * T4) / T2**2, 1e-300)
-    mean = float((gamma / own).sum() / (1 / own).sum())
-    spare = max(len(gamma) - max(followed, 1.0), 1.0)
-    chance = float(chdtrc(spare, float(((gamma - mean) ** 2 / own).sum())))
-    gain = max(float(((gamma - gamma.mean()) ** 2).sum()) / spare - float(own.mean()), 0.0) ** 0.5
-    return EngagementScatter(s0, s1, gain, len(gamma), spare, chance, tuple(cleaned))
-
-
-def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[float]) -> tuple[float, float]:
-    """s0 and s1 of S = s0 + s1 T², from squared sums of the residuals over short stretches."""
-    squares, powers = [], []
-    for r, T, dt_s in zip(residuals, outputs, steps, strict=True):
-        width = max(1, min(round(WINDOW_S * pace(dt_s * len(r), LOGS_S) / dt_s), len(r)))
-        count = len(r) // width
-        squares.append(np.mean(T[: count * width].reshape(count, width) ** 2, axis=1))
-        powers.append(r[: count * width].reshape(count, width).sum(axis=1) ** 2 * dt_s / width)
-    x, S = np.concatenate(squares), np.concatenate(powers)
-    design = np.column_stack([np.ones_like(x), x])
-    weight = 1 / np.maximum(S.mean() * (0.1 + x / max(x.mean(), 1e-300)), 1e-300)
-    s0, s1 = np.linalg.lstsq(design * weight[:, None], S * weight, rcond=None)[0].tolist()
-    if s1 < 0:
-        return float(S.mean()), 0.0
-    if s0 < 0:
-        return 0.0, float((S * weight).sum() / max((x * weight).sum(), 1e-300))
-    return s0, s1
-
-
 GAINS_SEEN = 2e-3  # Gains of engagements that noise makes so different more rarely than this scatter
 
 
@@ -333,13 +223,14 @@ class Spread:
 @np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
 def spread(solved: Solved) -> Spread:
     """Everything that intervals need where a fit ended."""
+    of_gains, solved = scatter_of(solved, 1.0) if solved.beside is not None else None, solved.beside or solved
     setup = solved.setup
     clean = setup if solved.instruments is None else replace(setup, drives=solved.instruments)
     n = setup.size
     H = np.zeros((n, n))
-    pieces = []
+    pieces, freed = [], free_gains(setup, solved.x) if of_gains is not None else None
     for log in range(len(setup.drives)):
-        piece, of_log = bin_log(solved, clean, log)
+        piece, of_log = bin_log(solved, clean, log, None if freed is None else freed[log])
         H += of_log
         pieces.append(piece)
     pull = free_inverse(H, solved.setup.problem().A[solved.active])
@@ -356,6 +247,11 @@ def spread(solved: Solved) -> Spread:
     between = S.T @ S * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
     if setup.between_rows:
         between += pull @ by_changes(solved) @ pull.T
+    if of_gains is not None:  # T_s goes with their mean
+        along = np.zeros(n)
+        along[setup.model.slices[0]] = solved.x[setup.model.slices[0]]
+        between = between + np.outer(along, along) * of_gains.gain**2 / of_gains.count
+        scatter = replace(of_gains, spare=of_gains.count - 1.0)
     return Spread(noise, tuple(lines), between, scatter, pull)
 
 

@@ -74,7 +74,7 @@ def find_own_levels(solved: Solved, known: Spread | None, inputs: Excited, level
     setup, first = solved.setup, solved.setup.model.slices[0]
     u = np.array([level.level for level in levels]) if levels else inputs.levels
     held = inputs.stepwise and first.stop + LEVELS_TO_SPARE <= len(u) <= FEW_LEVELS
-    if known is None or not held or setup.model.signed or solved.instruments is not None:
+    if known is None or not held or setup.model.signed or solved.instruments is not None or solved.beside is not None:
         return None
     D = setup.slopes(u)[0][:, first]
     size = D @ solved.x[first]

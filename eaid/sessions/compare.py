@@ -32,6 +32,8 @@ from eaid.results.common import Inputs, Made, Number, Result, ci95_of
 from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Margin
 from eaid.sessions.gather import (
+    ASSUMED_DEGREES,
+    EXACT,
     MANY,
     NO_INTERVAL,
     RESPONSES,
@@ -39,6 +41,7 @@ from eaid.sessions.gather import (
     plant_moved,
     snapped,
     told_together,
+    unseen_scatter,
     values_of_fit,
 )
 from eaid.sessions.loop import Promise
@@ -256,17 +259,19 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
 def _session_covariance(fit: Fit, quantity: str, values: Sequence[SessionValue]) -> tuple[Array, Array, int]:
     """Covariance of a session's values, that of their distances to their mean, (L, L) each, and how many numbers these
     follow from: τ1(u) and τ2(u) have their coefficients, each level a T_s of its own, though all rest on the same τ."""
-    sd, part = np.array([one.sd_log for one in values]), fit.nonlinear
+    shared, part = unseen_scatter(fit, quantity), fit.nonlinear
+    sd = np.sqrt(np.maximum(np.square([one.sd_log for one in values]) - shared**2, EXACT**2))
     alone, known = np.diag(sd**2), None if part is None else part.covariance
     if quantity not in CURVES_ORDER or part is None or known is None or not known.matrix:
-        return alone, alone, len(values)
+        return alone + shared**2, alone, len(values)
     at = [k for k, name in enumerate(known.order) if name.startswith(quantity)]
     rows = terms(np.array([one.level for one in values]), len(at), part.parameters.u_range)
     rows = rows / np.array([[one.value] for one in values])
     of_curve = rows @ np.array(known.matrix)[np.ix_(at, at)] @ rows.T
     size = np.sqrt(np.maximum(np.diag(of_curve), 1e-300))
     together = of_curve * np.outer(sd / size, sd / size)
-    return (together, alone, len(values)) if quantity == "Ts" else (together, together, min(len(values), len(at)))
+    apart = (alone, len(values)) if quantity == "Ts" else (together, min(len(values), len(at)))
+    return together + shared**2, *apart
 
 
 def _unlike(off: Array, V: Array, weight: Array, spare: int) -> float:
@@ -280,6 +285,9 @@ def _unlike(off: Array, V: Array, weight: Array, spare: int) -> float:
 def _seen(fit: Fit, quantity: str, letter: str) -> list[SessionValue]:
     """What a session has shown of a number: of one known by reference steps, at their levels only."""
     values, steps = values_of_fit(fit, quantity, letter), {source.level for source in fit.data.sources}
+    if (shared := unseen_scatter(fit, quantity)) > 0:
+        most = ASSUMED_DEGREES
+        values = [replace(one, sd_log=float(np.hypot(one.sd_log, shared)), dof=min(one.dof, most)) for one in values]
     return [one for one in values if one.level in steps or not fit.of_sessions]
 
 

@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 from eaid.apparatus import Apparatus
 from eaid.arrays import median
 from eaid.errors import DataError
-from eaid.estimate.scatter import CURVES, unit_variances
+from eaid.estimate.scatter import CURVES, USUAL, USUAL_TAU, unit_variances
 from eaid.findings import Finding, finding
 from eaid.logs.names import factors_of
 from eaid.plant.dynamics import Step
@@ -107,8 +107,18 @@ def of_single_runs(fit: Fit) -> bool:
 
 
 def assumes_scatter(fit: Fit) -> bool:
-    """Whether how runs scatter was assumed as usual, since single runs of few levels do not show it."""
-    return any(one.code == "single-runs-few-levels" for one in fit.findings)
+    """Whether how runs scatter is assumed as usual, since single runs of few levels, or few engagements, do not show
+    it."""
+    return bool({"single-runs-few-levels", "engagements-few"} & {one.code for one in fit.findings})
+
+
+def unseen_scatter(fit: Fit, name: str) -> float:
+    """Standard deviation of ln θ that all values of a fit share by how engagements usually scatter, where a log holds
+    too few to show it and its intervals hold none; else 0."""
+    if fit.recorded is None or not assumes_scatter(fit):
+        return 0.0
+    each = [USUAL if part == "Ts" else USUAL_TAU for part in PARTS.get(name, ("Ts",))]
+    return float(np.hypot.reduce(each) / np.sqrt(max(fit.recorded.engagements, 1)))
 
 
 def of_another_plant(fit: Fit) -> list[tuple[float, CurveLevel]]:
@@ -131,6 +141,8 @@ def _run_scatter(fit: Fit, name: str) -> float | None:
         runs = {row.level: row.runs for row in fit.responses}
         each = [one.sd_log**2 * runs[one.level] for one in values_of_fit(fit, name, "")]
         return float(np.sqrt(np.mean(each))) if each else None
+    if (usual := unseen_scatter(fit, name)) > 0 and fit.recorded is not None:
+        return float(usual * np.sqrt(max(fit.recorded.engagements, 1)))
     noise = fit.uncertainty.noise if fit.uncertainty is not None else None
     known = [sd for part in PARTS.get(name, ("tau1",)) if (sd := noise.scatter.get(part))] if noise is not None else []
     return float(np.hypot.reduce(known)) if known else None

@@ -13,9 +13,9 @@ from eaid.findings import say
 from eaid.options import FitOptions
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant, plant_numbers, plant_step
 from eaid.plant.respond import respond
+from eaid.recorded.engagements import engagements
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.inputs import find_inputs
-from eaid.recorded.log_intervals import engagements
 from eaid.results.plant import number_at
 from eaid.results.verdict import judged
 

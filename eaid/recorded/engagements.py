@@ -1,0 +1,239 @@
+"""Engagements, stretches of a log under load between returns to rest: their gains, and fits beside these.
+
+The runs of a clutch differ by some percent to ten, and so do the engagements of one log: with one T_s(u) for all, what
+they differ by is fitted by falls, lags and polynomials. A gain g_e takes T_e (T_e'J)/(T_e'T_e) out of the derivatives J
+of an engagement, T_e being the response there, and with that what tells T_s as a whole: this is told by the mean of the
+gains, which is 1.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtrc
+
+from eaid.arrays import Array
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.estimate.scatter import pace
+from eaid.estimate.solver import draw_back_inside, newton_step
+from eaid.estimate.spread import t_quantile
+from eaid.findings import Finding, finding
+from eaid.plant.drive import Drive
+from eaid.recorded.from_logs import Setup, Solved, fit_setup, idle_found, setup_of
+
+
+def engagements(drive: Drive) -> NDArray[np.intp]:
+    """Number of the engagement that a row belongs to, (n,): each begins where the input leaves rest."""
+    loaded = drive.duty[drive.which] != 0
+    begins = np.append(loaded[0], loaded[1:] & ~loaded[:-1])
+    return np.asarray(np.maximum(np.cumsum(begins) - 1, 0))
+
+
+WINDOW_S = 2.0  # Stretch over which the density of the noise is taken [s] …
+LOGS_S = (10.0, 600.0)  # … of logs of such lengths, of shorter and longer ones in proportion [s]
+FEWEST_ENGAGEMENTS = 4  # Fewest engagements whose scatter counts
+GAINS_CHANCE = 1e-3  # Gains that noise makes so different more rarely than this are told
+# Part by which a log that is told lies off the others, by chance as rarely as this; how engagements scatter at least,
+# and where too few tell it
+LEAST_LOG_PART, LOG_CHANCE, LEAST_SCATTER, USUAL_GAIN_SD = 0.03, 0.01, 0.002, 0.02
+# Scatter of gains from which it hides how the plant goes, and the least gain that an engagement is believed to have
+HIDING_GAIN, SMALLEST_GAIN = 0.01, 0.2
+GAIN_ROUNDS, GAINS_SETTLED = 30, 1e-7  # Newton steps beside gains, and the part of an unknown at which they end
+GAIN_STEPS = (1.0, 0.5, 0.2, 0.05, 0.01)  # Lengths of one that are tried
+SEARCHES, NOT_LESS = 3, 0.98  # Searches for other starts, and the part of the squares that one has to go below
+LEAST_LOAD = 0.02  # An engagement with less than this part of the mean ∫ T² tells no gain
+
+
+@dataclass(frozen=True, eq=False)
+class EngagementScatter:
+    """Noise and scatter of a fit's residuals."""
+
+    sensor_nm2_s: float
+    ripple_s: float
+    gain: float  # Standard deviation of the gain between engagements beyond what noise makes of it
+    count: int
+    spare: float  # Of the engagements, what the fit does not follow: the degrees of freedom of that scatter
+    chance: float  # That noise alone makes gains so different
+    residuals: tuple[Array, ...]  # Model less recorded, without what the gains explain, of each log
+
+    @property
+    def findings(self) -> list[Finding]:
+        """Whether the output differs between engagements, where there are enough to see it."""
+        if self.count < FEWEST_ENGAGEMENTS:
+            return [finding("engagements-few", "data", count=self.count)]
+        if self.chance < GAINS_CHANCE and self.gain > 0:
+            return [finding("engagements-scatter", "data", scatter_pct=100 * self.gain, count=self.count)]
+        return []
+
+
+def gains_of_engagements(solved: Solved, k: int) -> tuple[Array, NDArray[np.intp], Array, Array, NDArray[np.bool_]]:
+    """Of a log the model's output (N,) and the engagement of each row, (N,); of its engagements Σ T², by what part the
+    model lies above the recorded output, and whether they are loaded enough to tell it."""
+    drive, r = solved.setup.drives[k], solved.missed[k]
+    T, which = solved.outputs[k] - idle_found(solved, k) + r, engagements(drive)[drive.w > 0]
+    square = np.asarray(np.bincount(which, T**2), dtype=np.float64)
+    loaded = np.asarray(square > LEAST_LOAD * square.mean())
+    return T, which, square, np.where(loaded, np.bincount(which, T * r) / np.maximum(square, 1e-300), 0.0), loaded
+
+
+@dataclass(frozen=True, eq=False)
+class FreedLog:
+    """One log with the gains of all engagements solved for, of mean 1: r moves the unknowns by −(Z'J)⁻¹ Z'r."""
+
+    Z: Array  # (N, n)
+    J: Array  # √w ∂f/∂x, (N, p)
+    r: Array  # √w (f − y), (N,)
+    left: Array  # The same with the gains
+
+
+def without_gains(solved: Solved, logs: Sequence[RecordedLog]) -> list[RecordedLog]:
+    """Logs as if all their engagements had one gain, where these scatter so much that they hide how the plant goes;
+    empty where they do not."""
+    seen = scatter_of(solved, 1.0)
+    if seen.count < FEWEST_ENGAGEMENTS or seen.chance > GAINS_CHANCE or seen.gain < HIDING_GAIN:
+        return []
+    found, each = [], [gains_of_engagements(solved, k) for k in range(len(logs))]
+    mean = float(np.concatenate([1 - gain[loaded] for _, _, _, gain, loaded in each]).mean())
+    for k, (log, (_, which, _, gain, loaded)) in enumerate(zip(logs, each, strict=True)):
+        known, idle = np.isfinite(log.output), idle_found(solved, k) + (log.baseline or 0.0)
+        if known.sum() != len(which):
+            return []
+        own, output = np.where(loaded, (1 - gain) / mean, 1.0), log.output.copy()
+        output[known] = idle + (output[known] - idle) / np.maximum(own[which], SMALLEST_GAIN)
+        found.append(replace(log, output=output))
+    return found
+
+
+def fit_beside_gains(alike: Solved, logs: Sequence[RecordedLog]) -> Solved:
+    """The fit of logs whose engagements have gains of their own, of mean 1, from one to the logs without these. It has
+    the unknowns that fit the logs as they are with all gains at their mean."""
+    before = alike.fitted
+
+    def of(with_outputs: Sequence[RecordedLog]) -> Setup:
+        as_left, extras = before.falls_as_left, before.extras
+        return setup_of(before.model, with_outputs, before.idle_free, before.dead_time_s, as_left, extras)
+
+    recorded = of(logs)
+    x, cost = _solve_beside_gains(recorded, alike.x)
+    for _ in range(SEARCHES):
+        plain = of(without_gains(Solved(recorded, x, cost, alike.solver), logs) or logs)
+        if before.model.kind != "parallel":
+            break
+        anew, size = fit_setup(replace(plain, extras=())).x, before.model.size  # as the first gains may lead astray
+        other = _solve_beside_gains(recorded, np.concatenate([anew[:size], x[size : before.shared], anew[size:]]))
+        if not other[1] < NOT_LESS * cost:
+            break
+        x, cost = other
+    last = replace(alike, fitted=plain, x=x)
+    return Solved(recorded, x, recorded.every.problem().value(x)[0], alike.solver, beside=last)
+
+
+def _solve_beside_gains(setup: Setup, x: Array) -> tuple[Array, float]:
+    """Where Newton steps with the gains solved for lead to from x, and the squares that are left there."""
+
+    def squares(freed: Sequence[FreedLog]) -> float:
+        return sum(float(one.left @ one.left) for one in freed)
+
+    problem, freed = setup.problem(), free_gains(setup, x)
+    for _ in range(GAIN_ROUNDS):
+        H, g, cost = np.zeros((setup.size, setup.size)), np.zeros(setup.size), squares(freed)
+        for place, one in zip(setup.places, freed, strict=True):
+            H[:, place.columns] += one.Z.T @ one.J
+            g += one.Z.T @ one.r
+        step, before = newton_step(problem, x, g, H).d, x
+        for length in GAIN_STEPS:
+            x = draw_back_inside(problem, before, before + length * step)
+            freed = free_gains(setup, x)
+            if squares(freed) <= cost * (1 + GAINS_SETTLED):
+                break
+        if (np.abs(x - before) <= GAINS_SETTLED * np.abs(x)).all():
+            break
+    return x, squares(freed)
+
+
+def free_gains(setup: Setup, x: Array) -> list[FreedLog]:
+    """The logs of a setup so. A gain takes T_e (T_e'J)/(T_e'T_e) out of J, with that T_s as a whole; what says of it is
+    the mean of the gains, c'x, c = Σ T_e'J/(T_e'T_e)/M, taken with the weight of Σ T'T."""
+    rows, c, weight, count = [], np.zeros(setup.size), 0.0, 0
+    for k, (drive, place) in enumerate(zip(setup.drives, setup.places, strict=True)):
+        (J, r), known, idle = setup.jacobian(x, k), drive.w > 0, int(place.own[0])
+        T = r + np.sqrt(drive.w[known]) * (drive.y[known] - (x[idle] if idle >= 0 else 0.0))
+        which = engagements(drive)[known]
+        square = np.bincount(which, T * T)
+        loaded = square > LEAST_LOAD * square.mean()
+        share = np.where(loaded[which], T / np.maximum(square, 1e-300)[which], 0.0)
+        of_gains = np.array([np.bincount(which, share * column) for column in J.T]).T  # T_e'J/(T_e'T_e)
+        T = np.where(loaded[which], T, 0.0)
+        left = r - T * np.bincount(which, share * r)[which]
+        rows.append((J, r, T, share, of_gains[which], place.columns, left))
+        c[place.columns] += of_gains.sum(axis=0)
+        weight, count = weight + float(T @ T), count + int(loaded.sum())
+    found = []
+    for J, r, T, share, of_gains, columns, left in rows:
+        Z = np.outer(share / count, weight / count * c)
+        Z[:, columns] += J - T[:, None] * of_gains
+        found.append(FreedLog(Z, J, r, left))
+    return found
+
+
+def log_that_differs(solved: Solved, names: Sequence[str]) -> list[Finding]:
+    """Said where the output of one log of several lies off the others' by more than engagements scatter within logs."""
+    if len(names) < 2:
+        return []
+    gains = [gain[loaded] for _, _, _, gain, loaded in (gains_of_engagements(solved, k) for k in range(len(names)))]
+    spare = sum(len(one) - 1 for one in gains)
+    within = sum(float(((one - one.mean()) ** 2).sum()) for one in gains) / max(spare, 1)
+    within = max(within, LEAST_SCATTER**2) if spare >= FEWEST_ENGAGEMENTS else USUAL_GAIN_SD**2
+    means, counts = np.array([one.mean() for one in gains]), np.array([len(one) for one in gains])
+    off = [mean - float(np.delete(means, k).mean()) for k, mean in enumerate(means)]
+    errors = [np.sqrt(within * (1 / counts[k] + float((1 / np.delete(counts, k)).sum()) / (len(means) - 1) ** 2))
+              for k in range(len(means))]  # fmt: skip
+    k = int(np.argmax(np.abs(off)))
+    limit = t_quantile(float(max(spare, FEWEST_ENGAGEMENTS)), 1 - LOG_CHANCE / len(means)) * errors[k]
+    if abs(off[k]) <= max(limit, LEAST_LOG_PART):
+        return []
+    return [finding("log-differs", names[k], off_pct=-100 * float(off[k]))]
+
+
+def scatter_of(solved: Solved, followed: float) -> EngagementScatter:
+    """Gains of all engagements, and the noise about them; the fit has `followed` so many of them."""
+    gains, squares, fourths, cleaned, outputs, steps = [], [], [], [], [], []
+    for k, drive in enumerate(solved.setup.drives):
+        T, which, square, gain, loaded = gains_of_engagements(solved, k)
+        r = solved.missed[k]
+        steps.append(float(drive.dt_s.sum()) / len(r))
+        gains.append(gain[loaded])
+        squares.append(square[loaded] * steps[-1])
+        fourths.append(np.bincount(which, T**4)[loaded] * steps[-1])
+        cleaned.append(r - gain[which] * T)
+        outputs.append(T)
+    gamma, T2, T4 = np.concatenate(gains), np.concatenate(squares), np.concatenate(fourths)
+    if len(gamma) < FEWEST_ENGAGEMENTS:
+        return EngagementScatter(*densities(solved.missed, outputs, steps), 0.0, len(gamma), 1.0, 1.0, solved.missed)
+    s0, s1 = densities(cleaned, outputs, steps)
+    own = np.maximum((s0 * T2 + s1 * T4) / T2**2, 1e-300)
+    mean = float((gamma / own).sum() / (1 / own).sum())
+    spare = max(len(gamma) - max(followed, 1.0), 1.0)
+    chance = float(chdtrc(spare, float(((gamma - mean) ** 2 / own).sum())))
+    gain = max(float(((gamma - gamma.mean()) ** 2).sum()) / spare - float(own.mean()), 0.0) ** 0.5
+    return EngagementScatter(s0, s1, gain, len(gamma), spare, chance, tuple(cleaned))
+
+
+def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[float]) -> tuple[float, float]:
+    """s0 and s1 of S = s0 + s1 T², from squared sums of the residuals over short stretches."""
+    squares, powers = [], []
+    for r, T, dt_s in zip(residuals, outputs, steps, strict=True):
+        width = max(1, min(round(WINDOW_S * pace(dt_s * len(r), LOGS_S) / dt_s), len(r)))
+        count = len(r) // width
+        squares.append(np.mean(T[: count * width].reshape(count, width) ** 2, axis=1))
+        powers.append(r[: count * width].reshape(count, width).sum(axis=1) ** 2 * dt_s / width)
+    x, S = np.concatenate(squares), np.concatenate(powers)
+    design = np.column_stack([np.ones_like(x), x])
+    weight = 1 / np.maximum(S.mean() * (0.1 + x / max(x.mean(), 1e-300)), 1e-300)
+    s0, s1 = np.linalg.lstsq(design * weight[:, None], S * weight, rcond=None)[0].tolist()
+    if s1 < 0:
+        return float(S.mean()), 0.0
+    if s0 < 0:
+        return 0.0, float((S * weight).sum() / max((x * weight).sum(), 1e-300))
+    return s0, s1
