@@ -41,7 +41,8 @@ LEAST_LOG_PART, LOG_CHANCE, LEAST_SCATTER, USUAL_GAIN_SD = 0.03, 0.01, 0.002, 0.
 HIDING_GAIN, SMALLEST_GAIN = 0.01, 0.2
 GAIN_ROUNDS, GAINS_SETTLED = 30, 1e-7  # Newton steps beside gains, and the part of an unknown at which they end
 GAIN_STEPS = (1.0, 0.5, 0.2, 0.05, 0.01)  # Lengths of one that are tried
-SEARCHES, NOT_LESS = 3, 0.98  # Searches for other starts, and the part of the squares that one has to go below
+GAIN_SEARCHES, NOT_LESS = 3, 0.98  # Searches for other starts, and the part of the squares that one has to go below
+GAINS_SEEN, LAGS_SEEN = 2e-3, 0.1  # Gains, and τ1, that noise makes so different more rarely than this scatter
 LEAST_LOAD = 0.02  # An engagement with less than this part of the mean ∫ T² tells no gain
 
 
@@ -56,6 +57,7 @@ class EngagementScatter:
     spare: float  # Of the engagements, what the fit does not follow: the degrees of freedom of that scatter
     chance: float  # That noise alone makes gains so different
     residuals: tuple[Array, ...]  # Model less recorded, without what the gains explain, of each log
+    tau1: float = 0.0  # Standard deviation of ln τ1 from engagement to engagement, beyond noise
 
     @property
     def findings(self) -> list[Finding]:
@@ -116,7 +118,7 @@ def fit_beside_gains(alike: Solved, logs: Sequence[RecordedLog]) -> Solved:
 
     recorded = of(logs)
     x, cost = _solve_beside_gains(recorded, alike.x)
-    for _ in range(SEARCHES):
+    for _ in range(GAIN_SEARCHES):
         plain = of(without_gains(Solved(recorded, x, cost, alike.solver), logs) or logs)
         if before.model.kind != "parallel":
             break
@@ -218,6 +220,55 @@ def scatter_of(solved: Solved, followed: float) -> EngagementScatter:
     chance = float(chdtrc(spare, float(((gamma - mean) ** 2 / own).sum())))
     gain = max(float(((gamma - gamma.mean()) ** 2).sum()) / spare - float(own.mean()), 0.0) ** 0.5
     return EngagementScatter(s0, s1, gain, len(gamma), spare, chance, tuple(cleaned))
+
+
+def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: bool) -> tuple[float, Array]:
+    """Standard deviation of ln τ1 from engagement to engagement beyond what noise makes of it, and what one of 1 in
+    each does to the unknowns, (M, n), with the gains solved for where they are `free`; 0 where too few show it.
+
+    With D = ∂f/∂ln τ1, freed of T, an engagement by itself moves ln τ1 by −D'r/D'D.
+    """
+    setup, part, rows = solved.setup, solved.setup.model.slices[1], []
+    for k, (drive, place) in enumerate(zip(setup.drives, setup.places, strict=True)):
+        known, idle, first = drive.w > 0, int(place.own[0]), 0
+        which, root = engagements(drive)[known], np.sqrt(drive.w[known])
+        above = root * (drive.y[known] - (solved.x[idle] if idle >= 0 else 0.0))
+        sums = np.zeros((int(which[-1]) + 1, 2 * len(place.columns) + 6))
+        for piece in setup.derivatives(solved.x, k):
+            here = slice(first, first + len(piece))
+            J, r, T, first = piece[:, :-1], piece[:, -1:], (piece[:, -1] + above[here])[:, None], here.stop
+            D = J[:, part] @ solved.x[part][:, None]
+            starts = np.flatnonzero(np.diff(which[here], prepend=-1))
+            products = np.hstack([J * D, J * T, D * D, D * T, T * T, D * r, T * r, (D * T) ** 2])
+            sums[which[here][starts]] += np.add.reduceat(products, starts)
+        rows.append((place.columns, sums, float(drive.dt_s.sum()) / max(len(which), 1)))
+    S, moved, own, seen, c, weight = [], [], [], [], np.zeros(setup.size), 0.0
+    for columns, sums, dt_s in rows:
+        loaded = sums[:, -4] > LEAST_LOAD * sums[:, -4].mean()
+        JD, JT = (sums[loaded][:, at] for at in (slice(len(columns)), slice(len(columns), 2 * len(columns))))
+        DD, DT, TT, Dr, Tr, DDTT = sums[loaded, -6:].T
+        weight, alone = weight + float(sums[:, -4].sum()), np.maximum(DD - DT**2 / TT, 1e-300)
+        moved.append(-(Dr - DT * Tr / TT) / alone)
+        own.append((noise.sensor_nm2_s * DD + noise.ripple_s * DDTT) / dt_s / alone**2)
+        seen.append(np.stack([alone, DT / TT], axis=1))
+        S.append(np.zeros((len(DD), setup.size)))
+        S[-1][:, columns] = JD - free * JT * (DT / TT)[:, None]
+        c[columns] += (JT / TT[:, None]).sum(axis=0)
+    d, of_noise, (alone, by_gain), each = (
+        np.concatenate(moved),
+        np.concatenate(own),
+        np.concatenate(seen).T,
+        np.vstack(S),
+    )
+    if free:
+        each += np.outer(by_gain, c) * weight / len(d) ** 2
+    if len(d) < FEWEST_ENGAGEMENTS or not np.isfinite(d).all():
+        return 0.0, each
+    followed = float((((each @ pull) * each).sum(axis=1) / alone).sum())
+    spare, about = max(len(d) - max(followed, 1.0), 1.0), np.maximum(of_noise, 1e-300)
+    chance = float(chdtrc(spare, float(((d - np.average(d, weights=1 / about)) ** 2 / about).sum())))
+    square = float(((d - d.mean()) ** 2).sum()) / spare - float(of_noise.mean())
+    return float(np.sqrt(max(square, 0.0))) * (chance <= LAGS_SEEN), each @ pull.T
 
 
 def densities(residuals: Sequence[Array], outputs: list[Array], steps: list[float]) -> tuple[float, float]:

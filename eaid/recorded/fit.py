@@ -176,7 +176,7 @@ def uncertainty_part(solved: Solved, uncertainty: Spread) -> Uncertainty:
         ci="robust",
         scatter_from="engagements" if scatter.count >= FEWEST_ENGAGEMENTS else "within",
         degrees_of_freedom=min(degrees_of(solved, uncertainty).values()),
-        noise=Noise(scatter.sensor_nm2_s, scatter.ripple_s, {"Ts": scatter.gain, "tau1": 0.0, "tau2": 0.0}),
+        noise=Noise(scatter.sensor_nm2_s, scatter.ripple_s, {"Ts": scatter.gain, "tau1": scatter.tau1, "tau2": 0.0}),
     )
 
 

@@ -23,7 +23,15 @@ from numpy.typing import NDArray
 from eaid.arrays import Array
 from eaid.estimate.scatter import USUAL, USUAL_TAU, scatter_about, scatter_of_singles
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
-from eaid.recorded.engagements import EngagementScatter, FreedLog, engagements, free_gains, scatter_of
+from eaid.recorded.engagements import (
+    GAINS_SEEN,
+    EngagementScatter,
+    FreedLog,
+    engagements,
+    free_gains,
+    lag_scatter,
+    scatter_of,
+)
 from eaid.recorded.from_logs import Setup, Solved, idle_found
 from eaid.recorded.late import differ_by_a_row
 from eaid.steps.noise import correlation_s
@@ -177,9 +185,6 @@ def _smooth_lines(values: Array, half: int) -> Array:
     return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
 
 
-GAINS_SEEN = 2e-3  # Gains of engagements that noise makes so different more rarely than this scatter
-
-
 @dataclass(frozen=True, eq=False)
 class Spread:
     """What is needed for the variance of any function of the unknowns."""
@@ -252,6 +257,9 @@ def spread(solved: Solved) -> Spread:
         along[setup.model.slices[0]] = solved.x[setup.model.slices[0]]
         between = between + np.outer(along, along) * of_gains.gain**2 / of_gains.count
         scatter = replace(of_gains, spare=of_gains.count - 1.0)
+    if solved.instruments is None:
+        sd, moves = lag_scatter(solved, pull, scatter, free=freed is not None)
+        between, scatter = between + sd**2 * moves.T @ moves, replace(scatter, tau1=sd)
     return Spread(noise, tuple(lines), between, scatter, pull)
 
 

@@ -1,0 +1,73 @@
+"""Engagements of one log that have gains and time constants of their own, as the runs of a clutch do."""
+
+import numpy as np
+import pytest
+
+import eaid
+from eaid.estimate import forms
+from eaid.estimate.recorded_log import RecordedLog
+from eaid.options import FitOptions
+from eaid.plant.dynamics import Plant
+from eaid.plant.respond import respond
+from eaid.recorded.engagements import free_gains
+from eaid.recorded.fit import experiment_of
+from eaid.recorded.from_logs import fit_setup, setup_of
+
+CLUTCH = Plant((0.15, 0.001), (3.0, 0.02), (0.0, 0.01, 0.0002), (50.0, 300.0))
+GAINS = (1.12, 0.93, 1.04, 0.86, 1.05)  # Of mean 1
+DT = 0.02
+
+
+def log_of(gains: tuple[float, ...], paces: tuple[float, ...] = (1.0,) * 5, seed: int = 3) -> tuple[np.ndarray, ...]:
+    """Engagements of 24 s each, between rests of 12 s; each with a gain, and a factor on τ1, of its own."""
+    draw, inputs, outputs = np.random.default_rng(seed), [np.zeros(150)], [np.zeros(150)]
+    for gain, pace in zip(gains, paces, strict=True):
+        holds = draw.uniform(0.5, 5.0, 40)
+        holds = holds[np.cumsum(holds) < 24.0]
+        held = np.repeat(draw.choice(np.arange(50.0, 301.0, 50.0), len(holds)), (holds / DT).astype(int))
+        u = np.append(held, np.zeros(600))
+        one = Plant(tuple(pace * c for c in CLUTCH.tau1), CLUTCH.tau2, CLUTCH.Ts, CLUTCH.u_range)
+        t = np.arange(len(u)) * DT
+        inputs, outputs = [*inputs, u], [*outputs, gain * respond(one, t, u, t)]
+    u, y = np.concatenate(inputs), np.concatenate(outputs)
+    return np.arange(len(u)) * DT, u, y + 0.02 * draw.standard_normal(len(u))
+
+
+def test_gains_that_scatter_are_no_other_plant_and_bend_none_of_its_numbers() -> None:
+    """With one T_s(u) for all engagements it was one lag, or τ1 lay 15 % off with the open ends of no τ2."""
+    fit = eaid.fit(*log_of(GAINS))
+    assert fit.plant.kind == "parallel" and "engagements-scatter" in {one.code for one in fit.findings}
+    for row in fit.nonlinear.curves[1:]:
+        true = CLUTCH.at(row.level)
+        assert row.tau1 == pytest.approx(true.tau1, rel=0.01) and row.ci95.tau2[0] < true.tau2 < row.ci95.tau2[1]
+        assert row.Ts == pytest.approx(true.Ts, rel=0.01)  # at the mean of the gains
+        low, high = row.ci95.Ts
+        assert 0.03 < np.log(high / low) / 2 < 0.25  # what five gains leave of their mean
+    again = eaid.simulate(fit, log=eaid.read(*log_of(GAINS)))
+    (log,) = again.records.values()
+    assert log.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+
+
+def test_tau1_that_differs_between_engagements_is_in_its_interval() -> None:
+    """With the noise alone an interval of 1 % was 5 % off."""
+    fit = eaid.fit(*log_of(GAINS, (1.10, 1.02, 0.93, 1.09, 1.03)))
+    assert fit.uncertainty.noise.scatter["tau1"] == pytest.approx(0.07, abs=0.03)
+    for row in fit.nonlinear.curves:
+        assert row.ci95.tau1[0] < CLUTCH.at(row.level).tau1 < row.ci95.tau1[1]
+
+
+def test_freed_of_gains_a_log_tells_no_gain_of_an_engagement_and_their_mean_tells_that_of_all() -> None:
+    t, u, y = log_of(GAINS)
+    log = RecordedLog("a", t, u, y, baseline=0.0, idle_start=True)
+    levels = experiment_of([log], FitOptions()).inputs.levels
+    solved = fit_setup(setup_of(forms.nonlinear(levels, 0.85), [log]))
+    (freed,) = free_gains(solved.setup, solved.x)
+    part = solved.setup.model.slices[0]
+    T = freed.J[:, part] @ solved.x[part]  # of all engagements alike
+    assert np.abs(freed.Z.T @ freed.J - freed.J.T @ freed.Z).max() < 1e-9 * np.abs(freed.Z.T @ freed.J).max()
+    by_all = freed.Z @ np.linalg.lstsq(freed.J, T, rcond=None)[0]
+    each = np.arange(len(T)) * 5 // len(T)
+    ends = np.flatnonzero(np.diff((u > 0).astype(int)) == 1)  # where engagements begin
+    each = np.searchsorted(ends, np.arange(len(T)), side="left")
+    moves = [float(by_all[each == k] @ T[each == k]) for k in range(1, 6)]
+    assert moves == pytest.approx([moves[0]] * 5, rel=1e-6)  # one gain counts as much as another
