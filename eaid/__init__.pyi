@@ -78,7 +78,7 @@ def simulate(
     *,
     controller: str | OwnLaw | Sequence[str | OwnLaw] | None = None,
     reference: File | ArrayLike | pandas.Series[float] | Callable[[float], float] | None = None,
-    log: Paths | None = None,
+    log: Paths | GivenTables | None = None,
     reading: ReadOptions | None = None,
     progress: Progress = ...,
     noise_nm: float = 0.0,

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eaid.api.given import File, Paths, paths_in, result_of
+from eaid.api.given import File, GivenTables, Paths, paths_in, result_of, tables_in
 from eaid.declared import given_options, taking
 from eaid.errors import UsageError
 from eaid.options import SCENARIOS, TRACKED, CoupleOptions, ExportOptions, ReadOptions, SimulateOptions, TuneOptions
@@ -87,7 +87,7 @@ def simulate(
     *,
     controller: "str | OwnLaw | Sequence[str | OwnLaw] | None" = None,
     reference: "File | ArrayLike | pandas.Series[float] | Callable[[float], float] | None" = None,
-    log: "Paths | None" = None,
+    log: "Paths | GivenTables | None" = None,
     reading: ReadOptions | None = None,
     progress: "Progress" = no_progress,
     **keywords: Any,
@@ -111,7 +111,7 @@ def simulate(
         In place of a scenario: a file `time_s,reference_nm`, a Series over time [s], an array of rows (time,
         reference) or of one value a control sample, or a function of time [s], which lasts `duration`, 10 s by itself.
     log, reading
-        Logs whose recorded input is replayed and compared, and how they are read.
+        Logs whose recorded input is replayed and compared, as `read` takes them, and how they are read.
     progress
         As in `read`.
     **keywords
@@ -139,6 +139,7 @@ def simulate(
     >>> sorted(set(run.to_frame()["name"]))
     ['pi', 'rc']
     """
+    from eaid.logs.read import runs_from_frames
     from eaid.reading import read_whole
     from eaid.replay.controllers import own_controllers
     from eaid.replay.simulate import simulate as replayed
@@ -155,7 +156,10 @@ def simulate(
         raise UsageError("«reading»: says how a «log» is read; give both or neither")
     if log is not None:
         how.check_for("log")
-    runs = None if log is None else read_whole(paths_in(log), reading or ReadOptions(), fit.options.reading)
+    if (tables := None if log is None else tables_in(log)) is not None:
+        runs = runs_from_frames(tables, reading or ReadOptions())
+    else:
+        runs = None if log is None else read_whole(paths_in(log), reading or ReadOptions(), fit.options.reading)
     return replayed(fit, gains, how, reference, runs, progress, own)
 
 

@@ -190,7 +190,7 @@ def linear_of_logs(experiment: Experiment, chosen: Chosen) -> Linear:
     solved = fit_setup(replace(setup, model=model))
     pooled, ends = parameters(model, solved.coefficients), None
     if experiment.options.ci != "none":
-        known = spread_by_runs(spread(solved), solved, experiment.repeats)
+        known = spread_by_runs(spread(solved, with_lags=True), solved, experiment.repeats)
 
         def numbers(x: Array) -> Array:
             one = parameters(model, x[: model.size])
@@ -381,7 +381,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     base, over = chosen.solved, replace(experiment, inputs=experiment.inputs.over(model.low, model.high))
     inputs, spreads = over.inputs, None
     if options.ci != "none" or inputs.stepwise:  # which value a level has is no matter of intervals
-        spreads = spread_by_runs(spread(base), base, experiment.repeats)
+        spreads = spread_by_runs(spread(base, with_lags=True), base, experiment.repeats)
     own = find_own_levels(base, spreads, inputs, experiment.repeats)
     if own is not None and own.by_form and options.curve == "auto":
         return fit_of(*follow_levels(experiment, chosen, own))

@@ -226,8 +226,8 @@ class Spread:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
-def spread(solved: Solved) -> Spread:
-    """Everything that intervals need where a fit ended."""
+def spread(solved: Solved, with_lags: bool = False) -> Spread:
+    """Everything that intervals need where a fit ended, with how its lags scatter from engagement to engagement."""
     of_gains, solved = scatter_of(solved, 1.0) if solved.beside is not None else None, solved.beside or solved
     setup = solved.setup
     clean = setup if solved.instruments is None else replace(setup, drives=solved.instruments)
@@ -257,7 +257,7 @@ def spread(solved: Solved) -> Spread:
         along[setup.model.slices[0]] = solved.x[setup.model.slices[0]]
         between = between + np.outer(along, along) * of_gains.gain**2 / of_gains.count
         scatter = replace(of_gains, spare=of_gains.count - 1.0)
-    if solved.instruments is None:
+    if with_lags and solved.instruments is None:
         sd, moves = lag_scatter(solved, pull, scatter, free=freed is not None)
         between, scatter = between + sd**2 * moves.T @ moves, replace(scatter, tau1=sd)
     return Spread(noise, tuple(lines), between, scatter, pull)

@@ -1,6 +1,7 @@
 """Engagements of one log that have gains and time constants of their own, as the runs of a clutch do."""
 
 import numpy as np
+import pandas
 import pytest
 
 import eaid
@@ -43,7 +44,8 @@ def test_gains_that_scatter_are_no_other_plant_and_bend_none_of_its_numbers() ->
         assert row.Ts == pytest.approx(true.Ts, rel=0.01)  # at the mean of the gains
         low, high = row.ci95.Ts
         assert 0.03 < np.log(high / low) / 2 < 0.25  # what five gains leave of their mean
-    again = eaid.simulate(fit, log=eaid.read(*log_of(GAINS)))
+    names = ("time (s)", "input", "output")
+    again = eaid.simulate(fit, log=pandas.DataFrame(dict(zip(names, log_of(GAINS), strict=True))))
     (log,) = again.records.values()
     assert log.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
 
