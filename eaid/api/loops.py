@@ -156,10 +156,11 @@ def simulate(
         raise UsageError("«reading»: says how a «log» is read; give both or neither")
     if log is not None:
         how.check_for("log")
-    if (tables := None if log is None else tables_in(log)) is not None:
+    runs, tables = None, None if log is None else tables_in(log)
+    if tables is not None:
         runs = runs_from_frames(tables, reading or ReadOptions())
-    else:
-        runs = None if log is None else read_whole(paths_in(log), reading or ReadOptions(), fit.options.reading)
+    elif log is not None:
+        runs = read_whole(paths_in(log), reading or ReadOptions(), fit.options.reading)
     return replayed(fit, gains, how, reference, runs, progress, own)
 
 

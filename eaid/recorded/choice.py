@@ -179,7 +179,9 @@ def choose_plant(experiment: Experiment) -> Chosen:
     again = _choose_plant(replace(experiment, logs=plain))
     solved, without = refit_with_creeps(again.solved, again.logs)
     better = solved.cost < chosen.solved.cost - noise_saves(solved, 2 * len(logs))
-    return replace(again, solved=solved, logs=without) if better and sure(solved, without) else chosen
+    if better and sure(solved, without):
+        return replace(again, solved=solved, logs=without)
+    return _choose_beside_gains(experiment, chosen)
 
 
 def _choose_behind_drift(experiment: Experiment, gains: Array, chosen: Chosen) -> Chosen:
