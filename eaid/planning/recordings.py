@@ -92,7 +92,7 @@ def plan_recordings(fit: Fit, options: PlanOptions, progress: Callable[[], None]
     if other is not None and (by_simulation := plan.measured_half_width_pct) is not None:
         plan = msgspec.structs.replace(plan, half_width_pct=by_simulation)  # not those of information alone
     findings = counted_from_rest(fit, (0.0, max(rig.levels)))
-    findings += [] if rig.known else [finding("plan-assumes-noise", "plan")]
+    findings += rig.told
     findings += [finding("plan-of-decaying-output", "plan", each.levels) for each in decays]
     if guessed:
         findings.append(finding("plan-rests-on-a-guess", "plan"))

@@ -294,7 +294,7 @@ def shortest_recording(fit: Fit, options: PlanOptions, progress: Callable[[], No
         options, SEQUENCE_SETS, SEQUENCE_KEEPING, progress,
     )  # fmt: skip
     findings = counted_from_rest(fit, fit.plant.u_range)
-    findings += [] if rig.known else [finding("plan-assumes-noise", "plan")]
+    findings += rig.told
     if not plan.met:
         findings.append(finding(
             "excitation-short", "plan", most_s=plan.time_on_rig_s, parameter=worst,

@@ -20,10 +20,12 @@ from eaid.estimate.draw import draw
 from eaid.estimate.forms import friction, nonlinear
 from eaid.estimate.scatter import ASSUMED, LEVELS_TO_SPARE, weigh_neighbours
 from eaid.estimate.spread import satterthwaite, t_quantile
+from eaid.findings import Finding, finding
 from eaid.options import PlanOptions
 from eaid.planning.kinds import NUMBERS_OF_KIND, PARAMETERS, Sensitivities, is_clutch, refuse_unplanned, steps_of
 from eaid.plant.drive import ROW_NUMBER, Drive
 from eaid.plant.dynamics import SHARE
+from eaid.recorded.engagements import FEWEST_ENGAGEMENTS
 from eaid.results.fit import Fit
 from eaid.results.models import FrictionLevel, Noise
 from eaid.results.plan import Plan
@@ -208,6 +210,13 @@ class FittedRig:
     most: int = MOST_REPEATS
 
     @property
+    def told(self) -> list[Finding]:
+        """What of its noise and scatter was assumed."""
+        if not self.known:
+            return [finding("plan-assumes-noise", "plan")]
+        return [finding("plan-assumes-scatter", "plan")] if self.noise.scatter is ASSUMED.scatter else []
+
+    @property
     def numbers(self) -> tuple[str, ...]:
         """What widths are told of."""
         p = self.plant.model
@@ -376,7 +385,10 @@ def fitted_rig(fit: Fit) -> FittedRig:
         share = (fit.friction.C if fit.friction is not None else None) or SHARE
     held = fit.uncertainty.noise if fit.uncertainty is not None else None
     noise = held if held is not None and set(PARAMETERS) <= set(held.scatter) else ASSUMED
-    return FittedRig(fit, plant, levels, share, noise, known=noise is held)
+    known = noise is held
+    if known and fit.recorded is not None and fit.recorded.engagements < FEWEST_ENGAGEMENTS:
+        noise = msgspec.structs.replace(noise, scatter=ASSUMED.scatter)
+    return FittedRig(fit, plant, levels, share, noise, known)
 
 
 def scattered(noise: Noise, factors: Array) -> Noise:

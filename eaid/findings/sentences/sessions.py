@@ -99,6 +99,10 @@ ROWS: dict[str, Row] = {
         "the fit does not say how noisy the rig is; assumed: 3 % scatter of T_s, 5 % of τ1 from run to run, 1 % ripple "
         "and 0.03 N·m of sensor noise at 1 kHz; fit again to use the rig's own"
     ),
+    "plan-assumes-scatter": caution(
+        "the fit holds too few engagements to show how runs scatter; assumed, as usual: 3 % of T_s and 5 % of τ1 from "
+        "run to run"
+    ),
     "plan-of-decaying-output": caution(
         "the output decays under hold at {levels}, which no plan mends: τ2 means nothing there, repeats only average"
     ),
