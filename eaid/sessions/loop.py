@@ -25,6 +25,8 @@ HIDES = 0.1  # Part of the recorded error's square from which noise hides it
 ROUNDED_S = 1e-9  # Of a time stamp
 # First rows of a log, and part of its reference by which their output lies off idle, where it begins under load
 FIRST_ROWS, LOADED = 5, 0.1
+# Standard errors, by the noise, that an RMS of so many rows lies off by chance, and a part of it that no one sees
+RMS_ERRORS, NO_PART_OF_RMS = 2.0, 0.002
 HELD_ROWS, JUMP_PART = 8, 1e-6  # Rows of a reference that is held, in the mean; part of a row that a jump of it takes
 
 
@@ -160,6 +162,8 @@ def _errors_of_loop(run: Run, record: Record, noise: float, from_s: float) -> tu
         promised, low, high = (seen[key] * value for value in (promised, low, high))
         if key == "rms_error_nm":
             promised, low, high = np.hypot([promised, low, high], noise).tolist()
+            chance = RMS_ERRORS * noise / len(error) ** 0.5 + NO_PART_OF_RMS * promised
+            low, high = low - chance, high + chance
         else:  # where the noise of that instant may add to it, or not
             low, high = low - peak_of_noise, high + peak_of_noise
         rows.append(Kept(name, recorded, promised, max(min(low, recorded) if hides else low, 0.0), high))
