@@ -58,9 +58,8 @@ def read_steps(
     runs = without_switches(runs, options)
     for sentence in columns_told(runs):
         columns(sentence)
-    how = replace(options, logs_as="steps") if command == "ingest" else options  # what is not cut is refused there
     try:
-        return steps_in(runs, how, faults, [path for path in paths if path.is_file()])
+        return steps_in(runs, options, faults, [path for path in paths if path.is_file()])
     except DataError as fault:
         more = _proposal(files, runs, options, fault.sentences)
         try_ = f"try: eaid {command} {shlex.join(map(str, paths))} {more}"

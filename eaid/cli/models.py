@@ -45,7 +45,7 @@ def ingest(
     if write_manifest:
         at = write(files_of(logs), {**stepset.reading, "kind": stepset.kind}, args.force)
         console.speak(f"{at}: written; eaid ingest {at.parent} needs no options now")
-    write_dataset(output, runs, kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
+    write_dataset(output, [*runs, *stepset.recorded], kind=stepset.kind, apparatus=stepset.apparatus, force=args.force)  # type: ignore[arg-type]
     tell_result(args, ingested(stepset), steps_shown(stepset), (), "ingest")
     console.done(output, counts(stepset), ("fit", output))
 

@@ -33,8 +33,10 @@ def steps_shown(data: StepSet) -> Iterator[str | Table]:
 
 
 def counts(data: StepSet) -> str:
-    """How many levels and runs, a rise and its release as one."""
-    return f"{counted(len(data.levels), 'level')}, {counted(len(distinct(data.runs)), 'run')}"
+    """How many levels and runs, a rise and its release as one, and logs that are fitted as recorded."""
+    whole = f"{counted(len(data.recorded), 'log')} as recorded"
+    steps = f"{counted(len(data.levels), 'level')}, {counted(len(distinct(data.runs)), 'run')}"
+    return ", ".join([steps] * bool(data.runs or not data.recorded) + [whole] * bool(data.recorded))
 
 
 def ingested(data: StepSet) -> dict[str, Any]:

@@ -169,7 +169,7 @@ def _tracked(
 
 def _outside_identified(fit: Fit, plant: PlantNumbers, records: Mapping[str, Record]) -> list[Finding]:
     """Where replays go through what no log showed: duties outside the identified ones, falls between levels."""
-    low, high = plant.u_low, plant.u_high
+    low, high = 0.0 if plant.signed else plant.u_low, plant.u_high  # between both signs lies what was recorded
     shares = [(0.0, 0.0, 0.0)]
     for replayed in records.values():
         size, output = (np.abs(replayed.columns[name]) for name in ("duty_pct", "torque_nm"))

@@ -326,6 +326,6 @@ class StepSet(Shown):
         """Write data.h5, whole or not at all; DataError for a set that was not read from logs."""
         from eaid.logs.dataset import write_dataset
 
-        if not self.steps:
+        if not (runs := (*self.steps, *self.recorded)):
             raise DataError(f"{path}: this set holds averaged levels only; save the one that was read from logs")
-        write_dataset(Path(path), self.steps, kind=self.kind, apparatus=self.apparatus, force=force)  # type: ignore[arg-type]
+        write_dataset(Path(path), runs, kind=self.kind, apparatus=self.apparatus, force=force)  # type: ignore[arg-type]

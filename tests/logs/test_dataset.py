@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from logs_written import text
+from scipy.signal import lfilter
 
 import eaid
 from eaid import DataError
@@ -51,6 +52,20 @@ def test_a_dataset_gives_the_same_steps_as_its_logs(logs, stored):
         for field in dataclasses.fields(run):
             if field.name not in ("apparatus", "dataset", "source", "taken", "left"):
                 np.testing.assert_array_equal(getattr(again, field.name), getattr(run, field.name), field.name)
+
+
+def test_a_log_that_is_fitted_as_recorded_goes_whole_into_a_dataset(tmp_path, run_eaid):
+    """Cut into its steps it was one level of fifteen runs, and a fit of them NOT USABLE."""
+    draw, t = np.random.default_rng(5), np.arange(3000) / 50.0
+    u = np.where(t < 2, 0.0, draw.choice([20.0, 40.0, 80.0], 60)[(t / 1.1).astype(int)])
+    y = 0.05 * lfilter([1 - np.exp(-1 / 15)], [1, -np.exp(-1 / 15)], np.append(0.0, u[:-1]))
+    (tmp_path / "log.csv").write_text(text("time_s,duty_pct,torque_nm", t, u, y + 0.01 * draw.standard_normal(3000)))
+    said = run_eaid("ingest", tmp_path / "log.csv", "-o", tmp_path / "d.h5").err
+    assert "1 log as recorded" in said
+    direct, stored = (eaid.fit(tmp_path / name) for name in ("log.csv", "d.h5"))
+    assert stored.plant.kind == "lag" and stored.plant.tau1 == pytest.approx(direct.plant.tau1, rel=1e-6)
+    eaid.read(tmp_path / "log.csv").save(tmp_path / "e.h5")
+    assert (tmp_path / "e.h5").read_bytes() == (tmp_path / "d.h5").read_bytes()
 
 
 def test_the_same_logs_give_the_same_bytes(logs, stored, tmp_path, run_eaid):
