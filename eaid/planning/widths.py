@@ -41,7 +41,7 @@ LEAST_REPEATS, MOST_REPEATS = 3, 20
 KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
 # Share of the draws that must keep a promised T_s, τ1, τ2 for that: what sessions have beyond the draws (ends by score
 # tests, scatter of levels) was measured (`benchmarks.plans`)
-KEPT_SHARES = (0.9, 0.8, 0.84)
+KEPT_SHARES = (0.9, 0.77, 0.81)
 SESSION_DRAWS = 200  # Draws behind that
 UNTOLD = 1e6  # A half-width above which nothing is told [%]
 STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken
@@ -51,7 +51,7 @@ NARROWER_POWER = 0.7  # Power of the excess by which a plan is asked for narrowe
 # Least factor by which a width that was not kept is asked for narrower, to the power of how often it was not; and the
 # excess that counts at most
 LEAST_NARROWER, MOST = 1.03, 3.0
-PLAN_ROUNDS = 6  # Times that a plan is made larger
+PLAN_ROUNDS, SMALLER_ROUNDS = 6, 2  # Times that a plan is made larger, and that one between it and the last is tried
 # Half-width of the 95 % interval at the worst input [%], by parameter; infinite where there is none
 Widths = dict[str, float]
 # A plan, of steps or of one recording: `met` says whether its predicted widths, `half_width_pct`, are those wanted
@@ -121,33 +121,51 @@ def enlarged(
 ) -> tuple[P, Widths]:  # fmt: skip
     """The plan that `make` gives for the wanted widths [%], larger until each is kept with probability `keeping`.
 
-    A width measured too wide is asked for narrower in the next round. A plan that falls short even by its prediction is
-    as large as the limits allow, and stays; so does the second that gives none of its simulated recordings a wanted
-    interval. Returned with it is what is kept: its simulated widths count, and those of the plans before it as far from
-    its prediction as they were from their own.
+    A width measured too wide is asked for narrower in the next round. A plan that falls short even by its prediction
+    is as large as the limits allow, and stays; so does the second that gives none of its simulated recordings a wanted
+    interval. One that is large enough may be too large: those between it and the last are tried. Returned with it is
+    what is kept: its simulated widths count, and those of the plans before it as far from its prediction as they were
+    from their own.
     """
     widths = dict(wanted)
     plan = make(widths)
     rows = measure(plan)
-    endless = 0
+    endless, short = 0, dict[str, float]()  # The widths of the last plan that fell short
     for times in range(1, PLAN_ROUNDS + 1):
         kept = kept_widths(rows, keeping)
         endless += any(min(row[name] for row in rows) == inf for name in wanted)
         excess = {name: kept[name] / width for name, width in wanted.items()}
         if not plan.met or max(excess.values()) <= 1 or endless > 1:
             break
+        short = dict(widths)
         for name, ratio in excess.items():
             if ratio > 1:
                 widths[name] /= max(LEAST_NARROWER**times, min(ratio, MOST) ** NARROWER_POWER)
         larger = make(widths)
         if larger != plan:
-            known = {name: width for name, width in plan.half_width_pct.items() if 0 < width < inf}
-            scale = {name: larger.half_width_pct[name] / width for name, width in known.items()}
-            # a width without end says that the smaller plan was too small, and nothing of the larger one
-            ended = [row for row in rows if max(row.values()) < inf]
-            before = [{name: width * scale.get(name, 1.0) for name, width in row.items()} for row in ended]
-            plan, rows = larger, before + measure(larger)
+            plan, rows = larger, _rows_of(plan, rows, larger) + measure(larger)
+    for _ in range(SMALLER_ROUNDS):
+        kept = kept_widths(rows, keeping)
+        between = {name: (width * short[name]) ** 0.5 for name, width in widths.items()} if short else widths
+        if any(kept[name] > width for name, width in wanted.items()):
+            break
+        if not (smaller := make(between)).time_on_rig_s < plan.time_on_rig_s:
+            break
+        of_smaller = _rows_of(plan, rows, smaller) + measure(smaller)
+        if all(kept_widths(of_smaller, keeping)[name] <= width for name, width in wanted.items()):
+            plan, rows, widths = smaller, of_smaller, between
+        else:
+            short = between
     return plan, kept_widths(rows, keeping)
+
+
+def _rows_of(plan: Any, rows: Sequence[Widths], other: Any) -> list[Widths]:
+    """Widths of a plan's recordings as far from another's prediction as they were from its own."""
+    known = {name: width for name, width in plan.half_width_pct.items() if 0 < width < inf}
+    scale = {name: other.half_width_pct[name] / width for name, width in known.items()}
+    # a width without end says that this plan was too small, and nothing of the other
+    ended = [row for row in rows if max(row.values()) < inf]
+    return [{name: width * scale.get(name, 1.0) for name, width in row.items()} for row in ended]
 
 
 def kept_widths(rows: Sequence[Widths], keeping: float) -> Widths:

@@ -26,6 +26,10 @@ class Asked:
     def half_width_pct(self) -> dict[str, float]:
         return {"Ts": self.width, "tau2": self.width}
 
+    @property
+    def time_on_rig_s(self) -> float:
+        return 1 / self.width**2
+
 
 def test_a_plan_is_not_taken_for_its_luck() -> None:
     """Widths that differ by a quarter from recording to recording: four of five keep what is stated, 73 % without."""
