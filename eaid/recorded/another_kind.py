@@ -20,9 +20,12 @@ from eaid.levels.asks import asks_for_one_lag
 from eaid.levels.release import release_of
 from eaid.levels.workflow import usual_idle
 from eaid.options import FitOptions
+from eaid.plant.forms import PerLevel
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import Chosen, choose_plant, squares_about_mean, subtract_white_noise
 from eaid.recorded.fit import experiment_of, fit_of
+from eaid.recorded.from_logs import fit_through
+from eaid.recorded.kinds import solve_gain
 from eaid.recorded.plant_part import levels_of_plant
 from eaid.results.fit import Fit
 from eaid.results.verdict import judged
@@ -68,6 +71,7 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
                 chosen = chosen.of_kind(kind)
             if chosen.of_clutch:
                 continue
+            chosen = fit_levels_each(chosen)
             other = fit_of(experiment, chosen)
             if not kind and len(stepset.levels) > 1:  # the shape of one step alone is a dead time's, too
                 of_evidence = other
@@ -80,6 +84,21 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
     except DataError:  # what short windows of steps show is no reason to refuse them
         return fit
     return fit
+
+
+def fit_levels_each(chosen: Chosen) -> Chosen:
+    """A single lag whose time constants are those of levels with a T_s each, as the clutch's are: runs differ in gain,
+    and what one gain for all leaves of that would bend them."""
+    solved, model = chosen.solved, chosen.solved.setup.model
+    u = np.unique(np.concatenate([one.log.input[one.log.input > 0] for one in solved.fitted.copies]))
+    if model.kind != "lag" or model.Ts is None or len(u) <= model.Ts.size:
+        return chosen
+    each = fit_through(solved, PerLevel(tuple(u.tolist())))
+    x, own, of_each = solved.x.copy(), solved.fitted, each.fitted
+    x[model.slices[1]] = each.x[each.setup.model.slices[1]]
+    x[model.size : own.shared] = each.x[of_each.model.size : of_each.shared]
+    x = solve_gain(own, x)
+    return replace(chosen, solved=replace(solved, x=x, cost=own.problem().value(x)[0]))
 
 
 def explains_more(other: Fit, lag: Chosen) -> bool:
@@ -142,15 +161,15 @@ def put_in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     """A fit of steps with the plant of another fit of them."""
     part = other.plant_
     assert part is not None
-    gone = ("nonlinear", "friction", "release")
-    kept = [one for one in fit.findings if one.code not in OF_SHAPES and one.subject not in gone]
+    gone, not_known = ("nonlinear", "friction", "release"), ("linear-parameter-unknown", "linear-may-be-zero")
+    kept = [one for one in fit.findings if one.code not in (*OF_SHAPES, *not_known) and one.subject not in gone]
     if part.plant.kind != "overshoot":  # no other has the clutch's slow part
         kept = [one for one in kept if not (one.code == "repeat-is-off" and one.values.get("parameter") == "tau2")]
     if other.uncertainty is not None and other.uncertainty.scatter_from == "engagements":  # single runs tell, too
         kept = [one for one in kept if one.code != "single-runs-few-levels"]
     if part.plant.kind == "ringing":  # its turns are the edges that were seen
         kept = [one for one in kept if not (one.code == "several-edges" and one.values.get("has_input"))]
-    told = [one for one in other.findings if one.code in OF_PLANT]
+    told = [one for one in other.findings if one.code in (*OF_PLANT, *not_known)]
     told += merged(
         [msgspec.structs.replace(one, subject="steps") for one in other.findings if one.code == "input-late"]
     )
