@@ -41,7 +41,7 @@ LEAST_REPEATS, MOST_REPEATS = 3, 20
 KEEPING = 0.8  # Probability with which a session keeps a width that a plan promises
 # Share of the draws that must keep a promised T_s, τ1, τ2 for that: what sessions have beyond the draws (ends by score
 # tests, scatter of levels) was measured (`benchmarks.plans`)
-KEPT_SHARES = (0.9, 0.77, 0.81)
+KEPT_SHARES = (0.92, 0.77, 0.81)
 SESSION_DRAWS = 200  # Draws behind that
 UNTOLD = 1e6  # A half-width above which nothing is told [%]
 STEP_INSTANTS = 60  # Of each hold, at which the sensitivities are taken

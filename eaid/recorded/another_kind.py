@@ -17,6 +17,7 @@ from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, add_rest, logs_of_steps
 from eaid.findings import merged, ranked
 from eaid.levels.asks import asks_for_one_lag
+from eaid.levels.from_steps import ENDLESS_RECORDS
 from eaid.levels.release import release_of
 from eaid.levels.workflow import usual_idle
 from eaid.options import FitOptions
@@ -116,6 +117,9 @@ def may_stand(other: Fit) -> bool:
     # that a fit without some levels is worse, it shares with the clutch's
     if part is None or not part.another or any(one.code != "hold-out-fails" for one in other.verdict.reasons):
         return False
+    if part.plant.kind == "overshoot":  # one that never comes back imitates how the gains of levels scatter
+        slowest_s = float(np.max(part.plant.time_constants(np.linspace(*part.plant.u_range, 11))[1]))
+        return slowest_s < ENDLESS_RECORDS * max((log.duration_s for log in other.logs), default=np.inf)
     return part.zeta is None or part.zeta > 2 * forms.LEAST_ZETA  # what swings on and on is an output of its own
 
 

@@ -73,3 +73,17 @@ def test_freed_of_gains_a_log_tells_no_gain_of_an_engagement_and_their_mean_tell
     each = np.searchsorted(ends, np.arange(len(T)), side="left")
     moves = [float(by_all[each == k] @ T[each == k]) for k in range(1, 6)]
     assert moves == pytest.approx([moves[0]] * 5, rel=1e-6)  # one gain counts as much as another
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_one_lag_whose_runs_scatter_in_gain_is_no_overshoot(seed: int) -> None:
+    """Five levels of three runs, gains of 4 %: a τ2 without end took the place of what the levels lie off a line."""
+    draw, t, frames = np.random.default_rng(seed), np.arange(0, 9, 0.02), {}
+    for level in range(20, 101, 16):
+        for run in range(3):
+            rise = -np.expm1(-np.clip(t - 3, 0, None) / 0.3)
+            y = 0.05 * level * (1 + 0.04 * draw.standard_normal()) * rise + 0.004 * draw.standard_normal(len(t))
+            frame = {"time_s": t, "duty_pct": np.where(t >= 3, level, 0.0), "torque_nm": y}
+            frames[f"{level}-{run}"] = pandas.DataFrame(frame)
+    fit = eaid.fit(frames)
+    assert fit.plant.kind == "lag" and fit.plant.tau1[0] == pytest.approx(0.3, rel=1e-3)
