@@ -58,6 +58,7 @@ class EngagementScatter:
     chance: float  # That noise alone makes gains so different
     residuals: tuple[Array, ...]  # Model less recorded, without what the gains explain, of each log
     tau1: float = 0.0  # Standard deviation of ln τ1 from engagement to engagement, beyond noise
+    beside: bool = False  # Whether the gains were fitted beside the plant
 
     @property
     def findings(self) -> list[Finding]:
@@ -65,7 +66,9 @@ class EngagementScatter:
         if self.count < FEWEST_ENGAGEMENTS:
             return [finding("engagements-few", "data", count=self.count)]
         if self.chance < GAINS_CHANCE and self.gain > 0:
-            return [finding("engagements-scatter", "data", scatter_pct=100 * self.gain, count=self.count)]
+            pct, tau1_pct = 100 * self.gain, 100 * self.tau1
+            told = {"count": self.count, "scatter_pct": pct, "tau1_pct": tau1_pct, "beside": self.beside}
+            return [finding("engagements-scatter", "data", (), **told)]
         return []
 
 

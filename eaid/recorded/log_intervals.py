@@ -256,7 +256,7 @@ def spread(solved: Solved, with_lags: bool = False) -> Spread:
         along = np.zeros(n)
         along[setup.model.slices[0]] = solved.x[setup.model.slices[0]]
         between = between + np.outer(along, along) * of_gains.gain**2 / of_gains.count
-        scatter = replace(of_gains, spare=of_gains.count - 1.0)
+        scatter = replace(of_gains, spare=of_gains.count - 1.0, beside=True)
     if with_lags and solved.instruments is None:
         sd, moves = lag_scatter(solved, pull, scatter, free=freed is not None)
         between, scatter = between + sd**2 * moves.T @ moves, replace(scatter, tau1=sd)

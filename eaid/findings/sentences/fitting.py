@@ -526,8 +526,12 @@ ROWS: dict[str, Row] = {
         "(chance {chance:.2g}); T_s here is that after rises"
     ),
     "engagements-scatter": note(
-        "the output differs between engagements by {scatter_pct:.2g} % (sd of {count}); the intervals of T_s hold it, "
-        "those of τ1 and τ2 no scatter of their own"
+        lambda v: (
+            f"the output differs between engagements by {v['scatter_pct']:.2g} % (sd of {v['count']})"
+            + ("; gains of their own are fitted beside the plant, whose T_s is that of their mean" * v["beside"])
+            + "; the intervals of T_s hold it, "
+            + (f"those of τ1 a scatter of {v['tau1_pct']:.2g} %" if v["tau1_pct"] else "those of τ1 no such scatter")
+        ),
     ),
     "engagements-few": note(
         "between rests the logs hold {count:#stretch} under load: how much the output differs from one to the next is "
