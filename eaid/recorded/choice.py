@@ -206,7 +206,10 @@ def _choose_beside_gains(experiment: Experiment, chosen: Chosen) -> Chosen:
     alike = without_gains(chosen.tried[-1], experiment.logs)
     if not alike:
         return chosen
-    again = _choose_plant(replace(experiment, logs=alike))
+    try:
+        again = _choose_plant(replace(experiment, logs=alike))
+    except DataError:  # what a log without its gains shows is no reason to refuse it
+        return chosen
     recorded = [replace(log, output=one.output) for log, one in zip(again.logs, experiment.logs, strict=True)]
     return replace(again, solved=fit_beside_gains(again.solved, recorded), logs=tuple(recorded), clutch=None)
 

@@ -173,7 +173,7 @@ def _outside_identified(fit: Fit, plant: PlantNumbers, records: Mapping[str, Rec
     shares = [(0.0, 0.0, 0.0)]
     for replayed in records.values():
         size, output = (np.abs(replayed.columns[name]) for name in ("duty_pct", "torque_nm"))
-        falls = (np.diff(output) < 0) & (size[:-1] >= low)
+        falls = (np.diff(output) < 0) & (size[:-1] >= plant.u_low)
         shares.append((float(((size > 0) & (size < low)).mean()), float((size > high).mean()), float(falls.mean())))
     below, above, falling = map(max, zip(*shares, strict=True))
     falls_known = fit.falls_recorded
