@@ -143,7 +143,7 @@ def enlarged(
                 widths[name] /= max(LEAST_NARROWER**times, min(ratio, MOST) ** NARROWER_POWER)
         larger = make(widths)
         if larger != plan:
-            plan, rows = larger, _rows_of(plan, rows, larger) + measure(larger)
+            plan, rows = larger, _carry_widths(plan, rows, larger) + measure(larger)
     for _ in range(SMALLER_ROUNDS):
         kept = kept_widths(rows, keeping)
         between = {name: (width * short[name]) ** 0.5 for name, width in widths.items()} if short else widths
@@ -151,7 +151,7 @@ def enlarged(
             break
         if not (smaller := make(between)).time_on_rig_s < plan.time_on_rig_s:
             break
-        of_smaller = _rows_of(plan, rows, smaller) + measure(smaller)
+        of_smaller = _carry_widths(plan, rows, smaller) + measure(smaller)
         if all(kept_widths(of_smaller, keeping)[name] <= width for name, width in wanted.items()):
             plan, rows, widths = smaller, of_smaller, between
         else:
@@ -159,7 +159,7 @@ def enlarged(
     return plan, kept_widths(rows, keeping)
 
 
-def _rows_of(plan: Any, rows: Sequence[Widths], other: Any) -> list[Widths]:
+def _carry_widths(plan: Any, rows: Sequence[Widths], other: Any) -> list[Widths]:
     """Widths of a plan's recordings as far from another's prediction as they were from its own."""
     known = {name: width for name, width in plan.half_width_pct.items() if 0 < width < inf}
     scale = {name: other.half_width_pct[name] / width for name, width in known.items()}

@@ -148,7 +148,7 @@ def fitted_as(run: Run, rest: float = 0.0) -> Literal["steps", "sweep", "recorde
     """
     if run.cut or {run.level, run.step_s, run.until_s} != {None} or run.kind not in (None, "clutch"):
         return "steps"
-    if not run.has_input:
+    if not run.has_input or len(run.time_s) < FEWEST_HELD:
         return "steps"
     holds = plateaus(run.input)
     still = stands_still(holds, run.input)

@@ -112,10 +112,6 @@ BAD: dict[str, tuple[Any, ...]] = {
         "\n".join(["time_s;duty_pct;torque_nm", *(f"{i / 100};{i // 99};{40 * i:,.1f}" for i in range(200))]).encode(),
         "column torque_nm holds '1,000.0' and the like in 175 of 200 rows; write them with one decimal mark, and none "
         "for thousands"),
-    "wave.csv": (column(1, lambda i, u: 50 + 40 * np.sin(i / 15)),
-                 "the input moves most of the time, so it holds no steps; a displacement is said with --columns "
-                 "position=, beside the load as input=; else eaid fit takes such a log whole, "
-                 "as it was recorded (--logs-as recorded asks for it); for steps, hold each level"),
     "no-time.csv": (csv(GOOD, "tick,duty_pct,torque_nm"),
                     "no column is called time (columns: tick, duty_pct, torque_nm)" + NO_TIME),
     "one-column.csv": (csv([f"{i}.5" for i in range(99)], "torque_nm"),
