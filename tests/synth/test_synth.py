@@ -135,6 +135,19 @@ def test_scatter_between_runs_is_as_asked(logs):
     assert early.std() == pytest.approx(np.hypot(0.03, 0.05 * 0.94), rel=0.08)
 
 
+def test_a_plant_behind_a_dead_time_answers_late_to_any_input(logs):
+    """Steps and random inputs had none of it, closed loops had."""
+    frame = {
+        "plant": {"kind": "lag", "Ts": [0, 0.05, 0, 0], "tau1": [0.3], "tau2": [0.3], "C": 1.0, "u_range": [20, 100]}
+    }
+    frame["plant"] |= {"dead_time_s": 0.06}
+    plant = fit_of(**frame)
+    for how in ("--levels 60 --repeats 1 --idle 1 --hold 2 --release 0", "--excitation random --shape duration_s=20"):
+        t, duty, torque = logs("--plant", plant, "--clean --rate-hz 100", how).popitem()[1]
+        begins, answers = t[np.flatnonzero(duty)[0]], t[np.flatnonzero(torque)[0]]
+        assert answers - begins == pytest.approx(0.07, abs=1e-9)  # the first row behind it that has moved
+
+
 def test_a_fits_own_release_units_and_friction_levels_are_recorded(logs):
     plant = {"tau1": [0.2, 1e-3, 0.0], "tau2": [3.0, 0.0, 0.0], "Ts": [0.0, 0.01, 0.0, 0.0], "u_range": [30, 300]}
     data = {"input_unit": "V", "output_unit": "N", "levels": [30.0, 150.0, 300.0]}

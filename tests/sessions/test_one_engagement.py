@@ -1,0 +1,49 @@
+"""Sessions that are one recording each, of a rig with one lag: what a single engagement does not show is assumed."""
+
+from typing import Any
+
+import numpy as np
+import pandas
+import pytest
+from scipy.signal import lfilter
+
+import eaid
+
+T = np.arange(0, 60, 0.01)
+
+
+def recording(gain: float, seed: int, level: float | None = None) -> pandas.DataFrame:
+    """Random steps in volts, or one step to a level."""
+    draw = np.random.default_rng(seed)
+    u = draw.choice([50.0, 100.0, 200.0, 300.0], 60)[(T / 1.1).astype(int)] * ((T > 2) & (T < 56))
+    u = u if level is None else np.where((T > 2) & (T < 12), level, 0.0)
+    keep = np.exp(-0.01 / 0.3)
+    y = gain * 0.05 * lfilter([1 - keep], [1, -keep], np.append(0.0, u[:-1])) + 0.02 * draw.standard_normal(len(T))
+    return pandas.DataFrame({"time (s)": T, "input (V)": u, "force (N)": y})
+
+
+@pytest.fixture(scope="module")
+def fits() -> dict[float, Any]:
+    return {gain: eaid.fit(recording(gain, k)) for k, gain in enumerate((1.0, 1.04, 0.8, 1.3, 4.0))}
+
+
+def test_a_gain_that_one_engagement_may_have_by_chance_has_not_moved(fits: dict[float, Any]) -> None:
+    """4 % apart, each known to 0.05 %: "moved, p 0" in five of five."""
+    near, far = eaid.compare(fits[1.0], fits[1.04]), eaid.compare(fits[1.0], fits[4.0])
+    assert not near.changed and "session-assumes-scatter" in {one.code for one in near.findings}
+    assert far.changed and far.shifts[0].ratio == pytest.approx(0.25, rel=0.02)
+
+
+def test_a_b_without_an_interval_leaves_the_range_of_gains_too(fits: dict[float, Any]) -> None:
+    gains = eaid.tune_rc(fits[1.0])
+    asked = {gain: eaid.compare(fits[gain], fits[1.0], gains=gains).retune for gain in (1.04, 4.0)}
+    assert asked[1.04].needed is False and asked[4.0].needed
+
+
+def test_today_of_one_lag_has_the_gain_of_its_step(fits: dict[float, Any]) -> None:
+    """b0 was that of the last session, and so were the gains."""
+    rig = eaid.sessions([fits[gain] for gain in (1.0, 1.04, 0.8, 1.3)])
+    today = eaid.today(rig, eaid.read(recording(0.9, 9, level=200.0)))
+    assert today.linear.b0 == pytest.approx(0.9 * 0.05 / 0.3, rel=0.05)
+    (low, high) = next(row.ci95.B for row in today.linear.per_level if row.level == 200)
+    assert low < 0.3 / (0.9 * 0.05) < high
