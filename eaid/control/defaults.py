@@ -104,8 +104,10 @@ def input_limits(fit: Fit) -> tuple[float, float]:
         return (-100.0 if signed else 0.0), 100.0
     if fit.plant_ is not None:
         top = fit.plant_.u_range[1]
-        drawn = [min(log.curve.input, default=0.0) for log in fit.logs if log.curve is not None] if signed else []
-        return max(-top, min(drawn, default=-top)) if signed else 0.0, top
+        if not signed:
+            return 0.0, top
+        driven = [u for log in fit.logs if log.curve is not None for u in log.curve.input] or [-top, top]
+        return max(-top, min(driven)), min(top, max(driven))
     highest = fit.nonlinear.u_range[1] if fit.nonlinear is not None else max(fit.data.levels, default=0.0)
     if not highest > 0:
         raise UsageError(f"the fit tells no highest input in {fit.data.input_unit}; give «duty_limits»")

@@ -46,9 +46,7 @@ from eaid.results.fit import Fit
 from eaid.results.gains import Gains, Timing
 
 NEVER = math.inf, 0.0
-AT_EDGE = (
-    1e-3  # Part of the largest T_s by which a torque may lie beyond those that the plant holds, as digits leave it
-)
+AT_EDGE = 1e-3  # Part of the largest T_s by which a torque may lie beyond those that are held, as digits leave it
 STIFFEST = 1e6  # [N·m/rad]; a wall beyond it is called without limit
 ALIASES = 12  # Aliases on either side: W falls with 1/ω², so the rest weighs less than 1e-5 of the sum
 BESIDE_RAD = 1e-4  # Where the limb is let go

@@ -250,7 +250,7 @@ def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: boo
         loaded = sums[:, -4] > LEAST_LOAD * sums[:, -4].mean()
         JD, JT = (sums[loaded][:, at] for at in (slice(len(columns)), slice(len(columns), 2 * len(columns))))
         DD, DT, TT, Dr, Tr, DDTT = sums[loaded, -6:].T
-        weight, alone = weight + float(sums[:, -4].sum()), np.maximum(DD - DT**2 / TT, 1e-300)
+        weight, alone = weight + float(TT.sum()), np.maximum(DD - DT**2 / TT, 1e-300)
         moved.append(-(Dr - DT * Tr / TT) / alone)
         own.append((noise.sensor_nm2_s * DD + noise.ripple_s * DDTT) / dt_s / alone**2)
         seen.append(np.stack([alone, DT / TT], axis=1))

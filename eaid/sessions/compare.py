@@ -286,8 +286,8 @@ def _seen(fit: Fit, quantity: str, letter: str) -> list[SessionValue]:
     """What a session has shown of a number: of one known by reference steps, at their levels only."""
     values, steps = values_of_fit(fit, quantity, letter), {source.level for source in fit.data.sources}
     if (shared := unseen_scatter(fit, quantity)) > 0:
-        most = ASSUMED_DEGREES
-        values = [replace(one, sd_log=float(np.hypot(one.sd_log, shared)), dof=min(one.dof, most)) for one in values]
+        wider = [(float(np.hypot(one.sd_log, shared)), min(one.dof, ASSUMED_DEGREES)) for one in values]
+        values = [replace(one, sd_log=sd, dof=dof) for one, (sd, dof) in zip(values, wider, strict=True)]
     return [one for one in values if one.level in steps or not fit.of_sessions]
 
 

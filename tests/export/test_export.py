@@ -265,6 +265,8 @@ def test_a_rig_of_both_signs_gets_a_direction_pin_and_no_more_than_it_was_driven
     gains = eaid.tune_rc(fit)
     made = eaid.export(gains, tmp_path / "rig", fit, target="arduino")
     assert input_limits(fit) == (-20.0, 100.0)
+    other = eaid.fit(pandas.DataFrame({"time (s)": t, "input (V)": -u, "torque (N.m)": -y}))
+    assert input_limits(other) == (-100.0, 20.0)
     assert "digitalWrite(DIRECTION_PIN, duty < 0" in (made.path / "rig.ino").read_text()
     assert "makes no negative" not in (made.path / "README.md").read_text()
     with pytest.raises(eaid.UsageError, match=r"6000: .* 166\.667, its period, is none; give 5988\.024 or 6024\.0964"):

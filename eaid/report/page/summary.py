@@ -20,7 +20,6 @@ from eaid.report.tables.gains import controllers_table, guarantee_story
 from eaid.report.tables.replays import errors_table
 from eaid.report.tables.sessions import next_table, promise_table, shifts_table
 from eaid.results import summary
-from eaid.results.fit import Fit
 from eaid.results.replay import Replay
 from eaid.results.verdict import in_short
 from eaid.sessions.compare import CLAIMED
@@ -74,9 +73,9 @@ def tables(results: Results) -> tuple[Table, ...]:
         heads = tuple(Column(head.replace("[", "(").replace("]", ")")) for head in cells[0])
         part = results.main_fit.nonlinear
         curve = "through which T_s(u) goes" if part and part.Ts_through else "which the model's curve may miss"
-        own = part is not None and len(results.main_fit.friction_levels) > 1
-        own = own and (bool(part and part.Ts_through) or _off_curve(results.main_fit))
         apart = any(one.values.get("lag") for one in results.main_fit.findings if one.code == "polynomials-too-low")
+        several = part is not None and len(results.main_fit.friction_levels) > 1
+        own = several and part is not None and bool(part.Ts_through or part.level_scatter or apart)
         of, others = ("T_s, τ1 and τ2", "") if apart else ("T_s", "; τ1, τ2: the curves'")
         whose = f"{of}: each level's own, {curve}{others}." if own else ""
         found.append(Table("Values with 95 % intervals", whose, heads, tuple(map(tuple, cells[1:]))))
@@ -88,13 +87,6 @@ def tables(results: Results) -> tuple[Table, ...]:
     return tuple(found) if replay is None else (*found, errors_table([replay]))
 
 
-def _off_curve(fit: Fit) -> bool:
-    """Whether levels have a T_s of their own, beside the curve's."""
-    rows = [row for row in fit.friction_levels if row.from_ == 0 and row.Ts]
-    return any(abs(float(fit.plant.steady(row.level)) - row.Ts) > OWN_PART * abs(row.Ts) for row in rows)
-
-
-OWN_PART = 1e-9  # Of T_s, by which a level's is its own
 GRADES = {"stop": "bad", "caution": "care", "note": "good"}
 
 
