@@ -259,7 +259,7 @@ def today(
 
 def compare(
     first: Fit | Replay | File,
-    *others: Fit | Paths,
+    *others: Fit | Paths | GivenTables,
     gains: Gains | File | None = None,
     reading: ReadOptions | None = None,
     names: Sequence[str] | None = None,

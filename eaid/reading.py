@@ -237,9 +237,9 @@ def as_logs(runs: Sequence[Run], steps: Sequence[Run], rest: float) -> list[Run]
     return [*found, *(log for log in parts if (log.input != rest).any())]
 
 
-def read_whole(paths: Sequence[Path], options: ReadOptions, before: Mapping[str, Any]) -> list[Run]:
-    """Whole logs, read as those of a fit were `before` where nothing else is said."""
-    runs = read_like(paths, options, before)
+def read_whole(logs: Any, options: ReadOptions, before: Mapping[str, Any]) -> list[Run]:
+    """Whole logs of files or tables, read as those of a fit were `before` where nothing else is said."""
+    runs = read_like(logs, options, before)
     return [bridged(RecordedWindow(run)) for run in runs] if options.repair or before.get("repair") else runs
 
 

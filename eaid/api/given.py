@@ -73,6 +73,12 @@ def paths_in(source: Any) -> list[Path]:
         raise UsageError(f"{shown}: give files or folders of logs, a DataFrame, or DataFrames by name") from None
 
 
+def logs_in(source: Any) -> "list[Path] | pandas.DataFrame | Mapping[str, pandas.DataFrame]":
+    """What a caller gave of logs: tables, or the paths of files."""
+    tables = tables_in(source)
+    return paths_in(source) if tables is None else tables
+
+
 def as_result(value: Any) -> Any:
     """A result, or what its file holds."""
     from eaid.report.results import read_result

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eaid.api.given import File, GivenTables, Paths, paths_in, result_of, tables_in
+from eaid.api.given import File, GivenTables, Paths, logs_in, result_of
 from eaid.declared import given_options, taking
 from eaid.errors import UsageError
 from eaid.options import SCENARIOS, TRACKED, CoupleOptions, ExportOptions, ReadOptions, SimulateOptions, TuneOptions
@@ -139,7 +139,6 @@ def simulate(
     >>> sorted(set(run.to_frame()["name"]))
     ['pi', 'rc']
     """
-    from eaid.logs.read import runs_from_frames
     from eaid.reading import read_whole
     from eaid.replay.controllers import own_controllers
     from eaid.replay.simulate import simulate as replayed
@@ -156,11 +155,7 @@ def simulate(
         raise UsageError("«reading»: says how a «log» is read; give both or neither")
     if log is not None:
         how.check_for("log")
-    runs, tables = None, None if log is None else tables_in(log)
-    if tables is not None:
-        runs = runs_from_frames(tables, reading or ReadOptions())
-    elif log is not None:
-        runs = read_whole(paths_in(log), reading or ReadOptions(), fit.options.reading)
+    runs = None if log is None else read_whole(logs_in(log), reading or ReadOptions(), fit.options.reading)
     return replayed(fit, gains, how, reference, runs, progress, own)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eaid.api.given import AnyResult, File, Paths, as_result, paths_in, result_of
+from eaid.api.given import AnyResult, File, GivenTables, Paths, as_result, logs_in, paths_in, result_of
 from eaid.api.models import read
 from eaid.declared import given_options, taking
 from eaid.errors import UsageError
@@ -257,7 +257,7 @@ def today(
 @taking(CompareOptions)
 def compare(
     first: "Fit | Replay | File",
-    *others: "Fit | Paths",
+    *others: "Fit | Paths | GivenTables",
     gains: "Gains | File | None" = None,
     reading: ReadOptions | None = None,
     names: Sequence[str] | None = None,
@@ -271,7 +271,7 @@ def compare(
     first
         The fit in question; or, of a recorded loop, the fit or the replay that promised it.
     *others
-        Fits of other sessions that it is held against; or the log of a loop, with the reference among its columns.
+        Fits of other sessions that it is held against; or the log of a loop, a file or a DataFrame, with its reference.
     gains
         Gains: must they be made anew; of a recorded loop those that it ran with.
     reading
@@ -328,7 +328,7 @@ def compare(
 
     fit, given = (first, None) if isinstance(first, Fit) else (None, first)
     as_fitted = fit.options.reading if fit is not None else {}
-    runs = read_like(paths_in(others[0]), reading or ReadOptions(), as_fitted)
+    runs = read_like(logs_in(others[0]), reading or ReadOptions(), as_fitted)
     if len(runs) != 1 or len(others) != 1:
         raise UsageError("a recorded loop is one log with its own reference; give one")
     promise = promise_of(runs[0], how, fit, gains, given)

@@ -47,22 +47,23 @@ def read_runs(paths: Sequence[Path], options: ReadOptions = PLAIN) -> list[Run]:
     return runs
 
 
-def read_like(paths: Sequence[Path], options: ReadOptions, before: Mapping[str, Any]) -> list[Run]:
-    """Runs as `read_runs` gives them, read as the logs of a fit were `before` where nothing else is said.
+def read_like(logs: Any, options: ReadOptions, before: Mapping[str, Any]) -> list[Run]:
+    """Runs of files or tables, read as the logs of a fit were `before` where nothing else is said.
 
     Columns and units stand; the rate is taken where these logs say no time either.
     """
     given = options
+    read: Callable[[Any, ReadOptions], list[Run]] = read_runs if isinstance(logs, Sequence) else runs_from_frames
     options = given_options(ReadOptions, None, {k: v for k, v in before.items() if k in forms(Columns)} | given.given())
     try:
-        return read_runs(paths, options)
+        return read(logs, options)
     except UsageError:  # a dataset says all itself
-        return read_runs(paths, given)
+        return read(logs, given)
     except DataError as fault:
         timeless = any("called time" in one or "columns have" in one for one in fault.sentences)
         if not isinstance(before.get("rate_hz"), float) or options.rate_hz is not None or not timeless:
             raise
-    return read_runs(paths, replace(options, rate_hz=before["rate_hz"]))
+    return read(logs, replace(options, rate_hz=before["rate_hz"]))
 
 
 def read_what_can_be(

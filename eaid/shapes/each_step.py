@@ -9,17 +9,20 @@ from typing import TypeAlias
 
 import msgspec
 import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
 
 from eaid.arrays import Array, inverse
 from eaid.estimate.scatter import bartlett_variance
 from eaid.estimate.spread import t_quantile
 from eaid.findings import finding
 from eaid.options import FitOptions
+from eaid.plant.dynamics import SHARE
 from eaid.plant.steps import decay, rise
 from eaid.results.common import Interval
 from eaid.results.models import FrictionLevel, LevelIntervals, StepIntervals, StepShape
-from eaid.shapes.curves import slopes
-from eaid.shapes.shape import fit_step, independent_samples
+from eaid.shapes.curves import average_record, slopes
+from eaid.shapes.shape import SHAPES_SETTLED, fit_step, independent_samples, refine, solve_least
 from eaid.steps.stepset import LevelStep, StepSet
 
 LEAST_TAIL = 1e-6  # Part of a step's change below which what it has left is nothing
@@ -42,25 +45,29 @@ def fit_single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, 
     found: dict[int, StepShape] = {}
     before: int = -1
     tail: TailTerms = ()
+    reach = NO_OTHER_LAGS
     for k in sorted(range(len(steps)), key=lambda k: (steps[k].source, steps[k].at_s)):
         step, last = steps[k], steps[before]
         lasted, until = step.at_s - last.at_s, float(last.time_s[-1]) * (1 + 2 / len(last.time_s))
         follows = before >= 0 and last.source == step.source and last.level == step.from_level and 0 < lasted <= until
-        tail = tail_of(found[before], tail, lasted) if follows else ()
+        tail = tail_of(found[before], tail, lasted, reach) if follows else ()
         rest_s, output, start, moved = step.rest_s or 0.0, step.output, step.start, step.rest_moved
         for size, tau, _ in tail:  # as it would have been behind a hold that had settled
             output = output - size * decay(step.time_s, tau)
             start -= size * mean_before(rest_s, tau)
             moved -= abs(size * mean_before(rest_s / 2, tau) * float(rise(np.array(-rest_s / 2), tau)))
         alone = replace(step, output=output, start=start, rest_moved=max(moved, 0.0)) if tail else step
-        shape = add_intervals(alone, fit_step(alone, options), options, tail)
+        shape = fit_step(alone, options)
+        reach = lags_possible(alone, shape, options)
+        shape = add_intervals(alone, shape, options, reach, tail)
         found[k] = msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail))
         before = k
     return tuple(found[k] for k in range(len(steps)))
 
 
-def tail_of(shape: StepShape, before: TailTerms, lasted_s: float) -> TailTerms:
-    """What a fitted step, and the tail before it, have left to go after a hold."""
+def tail_of(shape: StepShape, before: TailTerms, lasted_s: float, reach: Array) -> TailTerms:
+    """What a fitted step, and the tail before it, have left to go after a hold; where it has one lag, a second one
+    `reach` knows may have left something, too."""
     left = [(part, float(decay(np.array(lasted_s), part[1]))) for part in before]
     parts = [(size * of, tau, half * of) for (size, tau, half), of in left]
     if any(one.code == "shape-explains-little" for one in shape.findings):
@@ -77,6 +84,11 @@ def tail_of(shape: StepShape, before: TailTerms, lasted_s: float) -> TailTerms:
             half = abs(size) * math.hypot(of_change, of_share / share, after / tau * of_tau)
             # a part that outlasts the hold is no more known than what the output has done in it
             parts.append((size, tau, half) if tau <= lasted_s else (0.0, tau, moved))
+    if shape.tau2 is None and len(reach):
+        change, _, ln_tau2, share = reach.T
+        left_over = np.abs((1 - share) * change) * np.exp(-after / np.exp(ln_tau2))
+        k = int(left_over.argmax())
+        parts.append((0.0, float(np.exp(ln_tau2[k])), float(left_over[k])))
     return tuple(part for part in parts if abs(part[0]) + part[2] > LEAST_TAIL * abs(shape.change))
 
 
@@ -87,7 +99,7 @@ def fit_another_shape(stepset: StepSet, options: FitOptions) -> tuple[StepShape,
     for k, step in enumerate(first_rises[level] for level in sorted(first_rises)):
         shape = fit_step(step, options)
         if any(found.code == "other-shape-fits-better" for found in shape.findings):
-            asking.append(add_intervals(step, shape, options))
+            asking.append(add_intervals(step, shape, options, lags_possible(step, shape, options)))
         elif 2 * (k + 1 - len(asking)) >= len(first_rises):  # it can be most of them no more
             return ()
     return tuple(asking)
@@ -116,12 +128,20 @@ NOISE_LAGS = 16  # Part of the record up to which noise may remember
 LONGEST_TAU2 = 1.0  # Record lengths beyond which the slow time constant is not quoted, nor the change that rests on it
 # Record lengths beyond which a slow time constant makes all intervals twice as wide: the tail before is not known
 SHORT_RECORD = 0.5
-NEARLY_TWO = 4.0  # Difference of AICc from which two exponentials are nearly chosen
+LONGEST_MEMORY = 5.0  # ρ = tanh of it at most
+NO_OTHER_LAGS = np.zeros((0, 4))
+# Ratios of two time constants that are held against the chosen shape, and record lengths of the longest τ2
+RATIOS_TRIED, LONGEST_RATIO = 24, 50.0
+LOOKED_AT = 20_000  # Values of the curve by which a dead time is followed from ratio to ratio
+HALVES_TRIED = np.linspace(-1.5, 1.5, 13)  # Half-widths of the chosen ratio, by its curvature, that are tried beside it
 WIDEST_FACTOR = 3.0  # Factor by which an interval of a time constant may reach to either side before it says nothing
 
 
-def add_intervals(step: LevelStep, shape: StepShape, options: FitOptions, tail: TailTerms = ()) -> StepShape:
-    """One fitted step with its intervals, and a finding where some say nothing; `tail` was taken from its output."""
+def add_intervals(
+    step: LevelStep, shape: StepShape, options: FitOptions, reach: Array, tail: TailTerms = ()
+) -> StepShape:
+    """One fitted step with its intervals, and a finding where some say nothing; two lags may `reach` beside it, and
+    `tail` was taken from its output."""
     if options.ci == "none":
         return shape
     window = float(step.time_s[-1])
@@ -131,22 +151,25 @@ def add_intervals(step: LevelStep, shape: StepShape, options: FitOptions, tail: 
     names = [name for name, is_free in zip(STEP_NAMES, free, strict=True) if is_free]
     refused = any(one.severity == "stop" for one in shape.findings)
     error = {} if refused else dict(zip(names, _errors(step, shape, free, options.ci, tail).tolist(), strict=True))
-    if not all(map(math.isfinite, error.values())):
-        error = {}
-    if shape.tau2 is not None and shape.tau2 > SHORT_RECORD * window:
-        error = {name: 2.0 * half for name, half in error.items()}
+    if len(reach) and two and error:  # what τ2 leaves open of both is in its reach
+        held = [True, True, False, False, free[4]]
+        error |= zip(names[:2], _errors(step, shape, held, options.ci, tail).tolist(), strict=False)
     most = {"tau1": math.log(WIDEST_FACTOR), "tau2": math.log(WIDEST_FACTOR), "C": 1.0}
-    wide = {name for name, half in most.items() if error.get(name, 0.0) > half}
-    if shape.tau2 is not None and shape.tau2 > LONGEST_TAU2 * window:
-        wide |= {"tau2", "change"}
-    one, more = (shape.evidence.get(name + "+dead" * (shape.dead_time_s > 0)) for name in ("one", "two"))
-    if shape.shape == "one" and one is not None and more is not None and more < one - NEARLY_TWO:  # a mixture
-        wide |= {"tau1", "change"}
+    wide = {name for name, half in error.items() if not half < most.get(name, math.inf)}
+    slow_s = shape.tau2 or 0.0
+    if len(reach):
+        wide |= {"tau2"} if (reach[:, 2] > math.log(LONGEST_TAU2 * window)).any() else set()
+    elif slow_s > SHORT_RECORD * window:
+        error = {name: 2.0 * half for name, half in error.items()}
+        wide |= {"tau2", "change"} if slow_s > LONGEST_TAU2 * window else set()
     ends: dict[str, Interval] = {}
     for name in error.keys() - wide:
-        value, half = getattr(shape, name), error[name]
-        log = name in ("tau1", "tau2")
-        ends[name] = (value * math.exp(-half), value * math.exp(half)) if log else (value - half, value + half)
+        value, half, log = getattr(shape, name), error[name], name in ("tau1", "tau2")
+        value = math.log(value) if log else value
+        off = reach[:, STEP_NAMES.index(name)] - value if name in STEP_NAMES[:3] else np.zeros(1)
+        both = max if name == "tau2" else math.hypot  # of τ2 they are one thing
+        low, high = value - both(half, -off.min(initial=0.0)), value + both(half, off.max(initial=0.0))
+        ends[name] = (math.exp(low), math.exp(high)) if log else (low, high)
     change = ends.get("change")
     if change is not None and shape.gain is not None:
         low, high = sorted(end / (shape.level - shape.from_) for end in change)
@@ -156,13 +179,51 @@ def add_intervals(step: LevelStep, shape: StepShape, options: FitOptions, tail: 
     return msgspec.structs.replace(shape, ci95=StepIntervals(**ends), findings=(*shape.findings, *said))
 
 
+def lags_possible(step: LevelStep, shape: StepShape, options: FitOptions) -> Array:
+    """Change, ln τ1, ln τ2 and C of two exponentials that leave as little of a step as noise allows beside the least,
+    by ratios of their time constants, behind those of the chosen shape, (m, 4); none beside one with a C of its own,
+    beside one lag that was asked for, and in the textbook's white noise."""
+    asked_for_one = shape.shape == "one" and options.shape != "auto"
+    if shape.shape not in ("one", "two") or asked_for_one or options.ci in ("white", "none"):
+        return NO_OTHER_LAGS
+    points, window = average_record(step.time_s, step.output - step.start), float(step.time_s[-1])
+    p, residuals = numbers_of(shape), step.output - shape.predict(step.time_s)
+    chosen, ratio, least = [*p[:2], p[1] + p[2], p[3]], float(p[2]), float(residuals @ residuals)
+    spare = independent_samples(residuals, fewest=4.0) - 3.0
+    allowed = float(t_quantile(min(spare, NOISE_LAGS - 3.0))) ** 2 / spare
+    by = slopes(p, step.time_s)[:, :3]
+    half = math.sqrt(allowed * least * max(float(inverse(by.T @ by)[2, 2]), 0.0)) if shape.tau2 else 0.0
+    tried = np.linspace(0.0, math.log(LONGEST_RATIO * window / shape.tau1), RATIOS_TRIED)
+    tried = np.sort(np.append(tried, ratio + half * HALVES_TRIED)) if 0 < half < tried[-1] else tried
+    late = options.held_dead_time_s is None and shape.dead_time_s > 0
+    p[3], found = options.held_share or SHARE, []
+    for p[2] in tried[tried >= 0].tolist():
+        if late:
+            p, left = refine(points, p, "two", (0, 1, 4), SHAPES_SETTLED, LOOKED_AT)
+        else:
+            p, left = solve_least(points, p, "two", (0, 1), SHAPES_SETTLED)
+        found.append([left + points.within, p[0], p[1], p[1] + p[2], p[3]])
+    rows = np.array(found)
+    most = min(rows[:, 0].min(), least) * (1 + allowed)
+    inside = rows[:, 0] <= most
+    for k in np.flatnonzero(np.diff(inside)).tolist():  # between two ratios, where it is as much
+        part = (most - rows[k, 0]) / (rows[k + 1, 0] - rows[k, 0])
+        rows[k + inside[k]] = rows[k] + part * (rows[k + 1] - rows[k])
+        inside[k + inside[k]] = True
+    return np.array([chosen, *rows[inside, 1:]])
+
+
+def numbers_of(shape: StepShape) -> Array:
+    """(change, ln τ1, ln(τ2/τ1), C, θ) of a fitted step."""
+    tau2 = shape.tau2 or shape.tau1
+    return np.array([shape.change, math.log(shape.tau1), math.log(tau2 / shape.tau1), shape.C, shape.dead_time_s])
+
+
 def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, tail: TailTerms) -> Array:
     """Half widths of the 95 % intervals of the free parameters, time constants in logarithms."""
-    tau2 = shape.tau2 or shape.tau1
-    p = np.array([shape.change, math.log(shape.tau1), math.log(tau2 / shape.tau1), shape.C, shape.dead_time_s])
-    by = slopes(p, step.time_s)
+    by = slopes(numbers_of(shape), step.time_s)
     by[:, 1] -= by[:, 2]  # of ln τ1 and ln τ2, in place of ln τ1 and ln τ2/τ1
-    if shape.tau2 is None:
+    if not free[2]:
         by[:, 1] += by[:, 2]
     jacobian = by[:, np.asarray(free)]
     left = step.output - shape.predict(step.time_s)
@@ -178,8 +239,7 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, ta
         )  # what the noise remembers is seen in so many stretches
         degrees = seen - k
         own = bartlett_variance(step.time_s, directions * left[:, None]).max(axis=0)
-        # the fit has taken k parameters' worth of the slow noise out of the residuals
-        sums = np.maximum(own, stationary_variance(left, directions) / (1 - k / seen))
+        sums = np.maximum(own, lasting_variance(left, jacobian, directions))
         variance, per_sample = sums[:-1], float(sums[-1]) / count
     moved = unit @ jacobian.sum(axis=0)
     rested = max(1.0, (step.rest_s or 0.0) * (count - 1) / float(step.time_s[-1]))
@@ -194,20 +254,32 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, ta
     return np.asarray(np.sqrt(halves))
 
 
-def stationary_variance(left: Array, directions: Array) -> Array:
-    """Variance of sums of noise times each column, shape (k,), for noise whose autocovariance is that of `left`.
+def lasting_variance(left: Array, jacobian: Array, directions: Array) -> Array:
+    """Variance of sums of noise times each column, shape (k,), for noise that goes on as ρ of what it was a sample ago.
 
-    A fast constant is told by the first samples only: too few to show by themselves how long the noise remembers.
-    Autocovariances up to a sixteenth of the record, with Bartlett's weights.
+    ρ is where the residuals are likeliest behind the parameters that took their share of slow noise out of them
+    (restricted likelihood of a first-order autoregression); a fast constant is told by the first samples only, too few
+    to show by themselves how long the noise remembers.
     """
-    count = len(left)
-    size = 1 << (2 * count - 1).bit_length()
-    lags = max(1, count // NOISE_LAGS)
+    count, k = jacobian.shape
+    basis = np.linalg.qr(jacobian)[0]
+    both = np.column_stack([basis, left])
 
-    def correlations(columns: Array) -> Array:
-        power = np.abs(np.fft.rfft(columns, size, axis=0)) ** 2
-        return np.asarray(np.fft.irfft(power, size, axis=0)[:lags])
+    def whitened(rho: float) -> tuple[Array, float]:
+        white = both.copy()
+        white[1:] -= rho * both[:-1]
+        white[0] *= np.sqrt(1 - rho**2)
+        product = white.T @ white
+        square = float(product[k, k] - product[k, :k] @ np.linalg.solve(product[:k, :k], product[:k, k]))
+        return product[:k, :k], max(square, 1e-300)
 
-    noise = correlations(left) / count * (1 - np.arange(lags) / lags)
-    noise[1:] *= 2
-    return np.asarray(np.maximum(noise @ correlations(directions), 0.0))
+    def unlikely(at: float) -> float:
+        rho = float(np.tanh(at))
+        product, square = whitened(rho)
+        of_parameters = float(np.linalg.slogdet(product)[1])
+        return float((count - k) * np.log(square) + of_parameters - np.log(1 - rho**2))
+
+    rho = float(np.tanh(minimize_scalar(unlikely, bounds=(0.0, LONGEST_MEMORY), method="bounded").x))
+    power = whitened(rho)[1] / max(count - k, 1) / (1 - rho**2)
+    after = lfilter([0.0, rho], [1.0, -rho], directions, axis=0)  # what a sample adds to those behind it
+    return np.asarray(power * ((directions**2).sum(axis=0) + 2 * (directions * after).sum(axis=0)))

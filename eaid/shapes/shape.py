@@ -91,7 +91,7 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
         scores[one.name] = aicc
     chosen = _choose(tried, scores)
     every = AveragedRecord(step.time_s, y, np.ones(len(y)))
-    p, _ = _polish(every, chosen.p, chosen.shape, chosen.free, STEP_SETTLED)
+    p, _ = refine(every, chosen.p, chosen.shape, chosen.free, STEP_SETTLED)
     plain = [one.sse for one in tried if one.shape in ("one", "two") and not one.dead]
     others = None if chosen.shape in ("one", "two") and p[4] == 0 else min(plain, default=None)
     return _describe(step, chosen.shape, p, scores, y, None if others is None else math.sqrt(others / len(y)))
@@ -129,7 +129,7 @@ def _candidates(
             fits = [one for one in fits if overshoots(one[0], window)]
         if fits:
             near = min(fits, key=lambda one: one[1])
-            p, sse = min(near, _polish(points, near[0], shape, free, SHAPES_SETTLED), key=lambda one: one[1])
+            p, sse = min(near, refine(points, near[0], shape, free, SHAPES_SETTLED), key=lambda one: one[1])
             found.append(_Candidate(shape, dead, p, sse + points.within, free))
     return found
 
@@ -144,16 +144,17 @@ def _within(one: _Candidate, shape: str, share: float) -> Array | None:
     return p if shape != "free" or LEAST_SHARE <= p[3] <= 1 - LEAST_SHARE else None
 
 
-def _polish(
-    points: AveragedRecord, start: Array, shape: str, free: tuple[int, ...], settled: float
+def refine(
+    points: AveragedRecord, start: Array, shape: str, free: tuple[int, ...], settled: float, values: int = LOOKED_AT
 ) -> tuple[Array, float]:
-    """The least squares next to one start: the unknowns p and the weighted sum of squares.
+    """The least squares next to one start: the unknowns p and the weighted sum of squares; `values` of the curve are
+    worked out to find a dead time on either side of where it was, at most.
 
     A dead time bends the curve at every sample that it passes, so it is fitted between two samples, those between
     which the other unknowns as they are leave least, until no other two leave less.
     """
     p, sse = solve_least(points, start, shape, free, settled)
-    middle, reach = 0.5 * (points.time_s[1:] + points.time_s[:-1]), max(2, LOOKED_AT // len(points.time_s))
+    middle, reach = 0.5 * (points.time_s[1:] + points.time_s[:-1]), max(2, values // len(points.time_s))
     middle = middle[middle < LONGEST_DELAY_PART * points.time_s[-1]]
     for _ in range(DELAY_ROUNDS):
         moved = p.copy()
