@@ -15,6 +15,7 @@ from eaid.steps.noise import sample_noise
 from eaid.steps.step import GAP_ROWS
 from eaid.steps.stepset import StepSet
 
+JUMP = 5.0  # Times the usual change from row to row, beyond which an input that moves jumps
 IDLE_ROWS = 10  # Fewest rows at rest before the first other one that make an idle start
 SAME_TIME_STEP = 1e-8  # Steps of time that differ by less than this part are alike
 MOST_PARTS, PART_ROWS = 8, 50  # Parts that gaps make of a log at most, and rows of each at least
@@ -221,11 +222,16 @@ def without_drift(output: Array, share: Array, idle: float, drift: float) -> Arr
 
 
 def shift_input(log: RecordedLog, rows: float) -> RecordedLog:
-    """The log with the input of so many rows later, parts of one among them; behind a dead time it may begin at
-    rest."""
+    """The log with the input of so many rows later, parts of one among them, through which an input that moves all the
+    time goes straight but where it jumps; behind a dead time it may begin at rest."""
     if rows == 0:
         return log
-    moved, late_s = read_only(moved_rows(log.input, int(rows))), (rows - int(rows)) * log.usual_s
+    moved, part = read_only(moved_rows(log.input, int(rows))), rows - int(rows)
+    if part and not log.stepwise:
+        change = moved_rows(moved, 1) - moved
+        moves = np.abs(change) <= JUMP * np.abs(change).mean()
+        moved, part = read_only(moved + np.where(moves, part * change, 0.0)), 0.0
+    late_s = part * log.usual_s
     begins = True if rows > 0 and log.starts_idle else log.idle_start  # of too few rows at rest nothing is known yet
     return replace(log, input=moved, late_s=late_s, idle_start=begins)
 

@@ -27,14 +27,7 @@ from eaid.recorded.creep import (
 )
 from eaid.recorded.curve_intervals import curves
 from eaid.recorded.engagements import fit_beside_gains, gains_of_engagements, without_gains
-from eaid.recorded.fall_tests import (
-    FALL_CHANCE,
-    FALL_NAMES,
-    fit_falls_as_left,
-    fit_with_falls,
-    list_tests,
-    test_falls,
-)
+from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, fit_falls_as_left, fit_with_falls, list_tests, test_falls
 from eaid.recorded.from_logs import (
     Setup,
     Solved,
@@ -310,7 +303,7 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
         same_form = parallel and own.cost <= first.cost + AS_MUCH * PRICE * noise  # with another C
         by_noise = noise_saves(first.solved, more, DEFAULT_CHANCE) if more > 0 else 0.0
         better = own.cost < first.cost - max(DEFAULT_SAVES * first.cost, by_noise)
-        if (same_form or better) and not leaves_Ts_open(own.solved, inputs):
+        if (same_form or better) and own.solved.solver.converged and not leaves_Ts_open(own.solved, inputs):
             first = own
     # noise that goes round a loop bends what has no instruments
     if searched.experiment.of_loops:

@@ -29,6 +29,7 @@ from eaid.plant.sums import unforeseen
 from eaid.recorded.few_rows import Copies
 from eaid.recorded.from_logs import Setup, Solved, fit_near, fit_setup, setup_of, with_dead_time
 from eaid.recorded.inputs import Experiment
+from eaid.recorded.kinds import noise_saves
 
 # Cost of a start at rest, over that of one with unknown states, up to which the steps' dead time is believed
 REST_COST = 2.0
@@ -38,9 +39,10 @@ FAR_ROWS = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a 
 LOWER = 0.02
 FARTHEST_ROWS = 500  # … and this many are looked for
 DELAY_ROWS = 1_000_000  # Of a log, from its first on, by which its delay is looked for
-# Rows from which a delay is told, by whether the input is held; one that moves is read half a row off by itself. An
-# input that is held and changes between two rows is noted half a row late
-LATE_ROWS, BETWEEN_ROWS = {True: 0.5, False: 0.75}, 0.25
+# Rows from which a delay is told, by whether the input is held. One that is held and changes between two rows is noted
+# half a row late, and so is one that moves between them, not from row to row
+LATE_ROWS, BETWEEN_ROWS = {True: 0.5, False: 0.02}, 0.25
+PART_OF_ROW = 0.1  # From which a dead time behind an input that moves between its rows is looked for
 WHOLE_ROWS = 0.15  # So near to a whole row a delay is that
 # Changes, and standard deviation of the rows by which they are noted late, from which they lie between two: any such
 # part of a row is as likely, which makes 0.29
@@ -67,10 +69,14 @@ class Delay(NamedTuple):
         return Delay(self.rows + rows, self.low + rows, self.high + rows)
 
     def told(self, log: RecordedLog) -> list[Finding]:
-        """What is said of a log whose input was noted late."""
+        """What is said of a log whose input was noted late, by more than one that moves between its rows is."""
         row_ms = 1e3 * log.usual_s
         ms, low, high = (row_ms * rows for rows in ((self.low + self.high) / 2, self.low, self.high))
-        return [finding("input-late", log.name, rows=self.rows, ms=ms, low=low, high=high)] if self.rows > 0 else []
+        return (
+            [finding("input-late", log.name, rows=self.rows, ms=ms, low=low, high=high)]
+            if self.rows > 0.5 * (not log.stepwise)
+            else []
+        )
 
 
 ON_TIME = Delay()
@@ -111,6 +117,9 @@ def fit_behind_dead_time(
         base = fit_setup(setup_of(model, acting, rests, dead_s, as_left))
     if dead_s or base.fitted.between_rows:
         base = fit_near(*with_dead_time(base.fitted, base.x, dead_s))
+    elif any(one.rows % 1 for one in late):  # which half a row of an input that moves may hide
+        behind = fit_near(*with_dead_time(base.fitted, base.x, PART_OF_ROW * acting[0].usual_s))
+        base = behind if behind.cost < base.cost - noise_saves(base, 1) else base
     return base, acting, late
 
 
@@ -198,9 +207,11 @@ def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
             break
         rows, (step, sd) = further, further_step
     delay, half = rows + step, t_quantile(NOISE_STRETCHES - 1.0) * sd
-    least = BETWEEN_ROWS if log.stepwise and delay > 0 else LATE_ROWS[log.stepwise]
+    least = BETWEEN_ROWS if delay > 0 else LATE_ROWS[log.stepwise]
     if abs(delay) < max(least, t_quantile(NOISE_STRETCHES - 1.0, 1 - LATE_CHANCE) * sd):
         return Delay(0, delay - half, delay + half)
+    if delay > 0 and not log.stepwise:
+        return Delay(round(2 * delay) / 2, delay - half, delay + half)
     between = 0 < delay < min(1 - WHOLE_ROWS, 1 - half) and changes_between_rows(base, index, log)
     return Delay(delay if between else rows, delay - half, delay + half)
 

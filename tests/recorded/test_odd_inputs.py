@@ -443,3 +443,34 @@ def test_one_row_at_rest_before_an_input_that_was_noted_late_is_a_rest(seed):
     assert int((noted == 0).sum()) == 1
     fit = fit_recorded([RecordedLog("one row", t, noted, y)], FitOptions())
     assert fit.plant.steady(80.0) == pytest.approx(plant.steady(80.0), rel=0.03)
+
+
+def chirped(clutch: bool, seed: int) -> pd.DataFrame:
+    """A chirp up to 3 Hz that goes on between the rows of a log of 100 Hz, stepped at 1 kHz by no code of eaid's."""
+    t = np.arange(0, 60, 1e-3)
+    u = np.where(t < 1, 0.0, 45 + 30 * np.sin(2 * np.pi * (0.05 * t + (3 - 0.05) / 120 * t**2)))
+    middle = np.append((u[1:] + u[:-1]) / 2, u[-1])
+    middle[999] = 0.0  # where it jumps from rest
+    steady, tau1 = (0.02 * middle + 2e-4 * middle**2, 0.5 - 0.002 * middle) if clutch else (0.03 * middle, 0.4)
+    part = np.array([0.85, 0.15]) if clutch else np.array([1.0, 0.0])
+    decay = np.exp(-1e-3 / np.stack([tau1 * np.ones(len(t)), np.full(len(t), 4.0)]))
+    x, y = np.zeros(2), np.zeros(len(t))
+    for k in range(len(t)):
+        y[k] = x.sum()
+        x = part * steady[k] + decay[:, k] * (x - part * steady[k])
+    y += 0.02 * y.std() * np.random.default_rng(seed).standard_normal(len(t))
+    return pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": y})[::10]
+
+
+def test_an_input_that_moves_between_its_rows_is_one_that_goes_straight() -> None:
+    """Held from row to row, T_s(15 %) of a clutch was a quarter off, in silence, and one lag a clutch in a loop."""
+    fit = eaid.fit(frame := chirped(True, 0))
+    assert fit.plant.kind == "parallel" and not {"input-late", "dead-time"}.intersection(codes(fit))
+    held = [row.ci95.Ts[0] < 0.02 * row.level + 2e-4 * row.level**2 < row.ci95.Ts[1] for row in fit.nonlinear.curves]
+    assert np.mean(held) > 0.8 and fit.plant.steady(15.1) == pytest.approx(0.3476, rel=0.05)
+    (log,) = eaid.simulate(fit, log=frame).records.values()
+    assert log.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+    lag = eaid.fit(chirped(False, 1))
+    assert lag.plant.kind == "lag" and not any("loop" in code for code in codes(lag))
+    assert lag.plant.steady(50.0) == pytest.approx(1.5, rel=2e-3)
+    assert lag.plant.time_constants(50.0)[0] == pytest.approx(0.4, rel=5e-3)
