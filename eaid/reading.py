@@ -37,6 +37,7 @@ from eaid.steps.stepset import StepSet
 
 MOSTLY_STILL = 0.9  # Part of a log that stands still where it is at rest throughout
 ASKED = {"time-unclear", "time-unit-differs"}  # What is asked before anything else is done
+RESTS_WITHIN = 0.02  # Of all inputs, within which logs rest at one
 ROWS_APART = 2.0  # Rows from one part of a log to the next that is joined to it, at most
 TOGETHER = 0.02  # Share of the longest log within which outputs are let go at one time
 
@@ -206,6 +207,34 @@ def blank(run: Run, top: float) -> bool:
     return still and abs(holds[0].level) <= AT_REST_BELOW * top
 
 
+def refuse_far_rest(runs: Sequence[Run], rest: float) -> None:
+    """Refuse a rest that lies farther off all inputs than these go: those are in the unit that they are read in."""
+    inputs = [run for run in runs if run.has_input]
+    if not rest or not inputs:
+        return
+    low, high = min(float(run.input.min()) for run in inputs), max(float(run.input.max()) for run in inputs)
+    if not low - (high - low) <= rest <= high + (high - low):
+        unit = f" {inputs[0].input_unit}".rstrip()
+        raise UsageError(
+            f"«rest» {rest:g}{unit}: the inputs lie between {low:.4g} and {high:.4g}{unit}, in which they are read; "
+            f"give it in{unit or ' their unit'}"
+        )
+
+
+def unnamed_rest(runs: Sequence[Run]) -> float | None:
+    """The input, not 0, from which logs go and to which they come back, where none goes beyond it on that side."""
+    if not runs or not all(run.has_input and not run.cut and (run.input[0] * run.input > 0).all() for run in runs):
+        return None
+    holds = [plateaus(run.input) for run in runs]
+    if not all(len(held) > 2 for held in holds):
+        return None
+    rest, every = holds[0][0].level, np.array([one.level for held in holds for one in held])
+    near = RESTS_WITHIN * float(np.ptp(every))
+    back = all(abs(held[k].level - rest) <= near for held in holds for k in (0, 2))
+    one_side = (every >= rest - near).all() or (every <= rest + near).all()
+    return rest if back and one_side and len(np.unique(np.round((every - rest) / max(near, 1e-300)))) > 2 else None
+
+
 def mostly_ramps(steps: Sequence[Run]) -> bool:
     """Whether most steps' inputs are on their way while the output makes much of its change: logs are fitted whole."""
     rises = [Cut(run) for run in steps if run.edge == "rising" and run.has_input and run.kind in (None, "clutch")]
@@ -262,6 +291,7 @@ def steps_in(
     asked, (runs, more) = list(_asked(runs, how)), _ended(runs)
     if asked or more:
         raise DataError(*faults, *asked, *more)
+    refuse_far_rest(runs, options.rest)
     top = max((float(np.abs(run.input).max()) for run in runs if run.has_input), default=0.0)
     blanks = [run for run in runs if how != "recorded" and blank(run, top)]
     blanks = blanks if len(blanks) < len(runs) else []
@@ -289,7 +319,9 @@ def steps_in(
     uncut = to_be_recorded(uncut, options)
     stepset = stepset_of(steps, options, uncut)
     each = (*stepset.level_steps, *settled_steps(uncut, options))
-    about = (*out, *stepset.findings, *several_factors([*steps, *uncut]))
+    at_rest = None if options.rest else unnamed_rest(runs)
+    named = () if at_rest is None else (finding("rest-unnamed", "data", rest=at_rest, unit=stepset.input_unit),)
+    about = (*out, *named, *stepset.findings, *several_factors([*steps, *uncut]))
     if options.levels is not None:
         kept = {run.name for run in stepset.runs}
         steps = [step for step in steps if step.name in kept]

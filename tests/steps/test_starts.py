@@ -345,3 +345,21 @@ def test_a_load_that_never_leaves_5_N_is_told_to_rest_there() -> None:
     assert one.values["rest"] == pytest.approx(5.0) and len(steps.levels) < 4
     rested = eaid.read(frames, rest=5.0)
     assert len(rested.levels) == 4 and "rests-elsewhere" not in {each.code for each in rested.findings}
+
+
+def test_a_rest_in_another_unit_is_refused_and_one_that_nobody_named_is_asked_for() -> None:
+    """mV are read as V: --rest 500 made steps of −499.5 V, "usable yes". Rests at 20 % gave one lag a τ2 of 248 s."""
+    t, draw = np.arange(0, 12, 0.01), np.random.default_rng(0)
+    frames = {}
+    for level in (30.0, 50.0, 100.0):
+        u = np.where((t >= 2) & (t < 9), level, 20.0)
+        y = 0.1 + 0.02 * (level - 20) * (np.exp(-np.maximum(t - 9, 0) / 0.4) - np.exp(-np.maximum(t - 2, 0) / 0.4))
+        noise = 0.01 * draw.standard_normal(len(t))
+        frames[f"{level:g}"] = pd.DataFrame({"time_s": t, "input (mV)": u, "torque_nm": y + noise})
+    with pytest.raises(eaid.UsageError, match=r"rest=20 V: the inputs lie between 0.02 and 0.1 V"):
+        eaid.read(frames, rest=20.0)
+    told = next(one for one in eaid.read(frames).findings if one.code == "rest-unnamed")
+    assert told.values["rest"] == pytest.approx(0.02)
+    fit = eaid.fit(eaid.read(frames, rest=0.02))
+    assert fit.plant.kind == "lag" and fit.plant.time_constants(0.05)[0] == pytest.approx(0.4, rel=0.02)
+    assert "rest-unnamed" not in {one.code for one in fit.findings}

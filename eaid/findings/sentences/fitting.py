@@ -531,7 +531,7 @@ ROWS: dict[str, Row] = {
             + ("; gains of their own are fitted beside the plant, whose T_s is that of their mean" * v["beside"])
             + "; the intervals of T_s hold it, "
             + (f"those of τ1 a scatter of {v['tau1_pct']:.2g} %" if v["tau1_pct"] else "those of τ1 no such scatter")
-        ),
+        )
     ),
     "engagements-few": note(
         "between rests the logs hold {count:#stretch} under load: how much the output differs from one to the next is "

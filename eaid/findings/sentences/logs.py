@@ -320,6 +320,13 @@ ROWS: dict[str, Row] = {
         always=True,
         rank=1,
     ),
+    "rest-unnamed": caution(
+        "all logs step from {rest:.4g} {unit} and come back to it: if the rig rests there, say «rest» {rest:.4g}, and "
+        "levels, T_s and the idle output count from there",
+        rank=1,
+        covers=("idle-not-seen", "rest-not-seen"),
+        refit="--rest {rest:.4g}",
+    ),
     "several-factors": caution(
         lambda v: (
             f"the names of the logs differ in {v['key']} too, {listed(v['values'], 6)}: all are taken together; choose "
