@@ -150,7 +150,8 @@ def _hold_line(fit: "Fit") -> list[str]:
             said.append(f"{verb} {_with_interval(top, name)} s")
     if top.peak is not None:
         shown = fit.another_plant is not None
-        said.append(f"peaks at {top.peak:.3g}{unit} after {top.peak_s:.3g} s{', so T_s is an average' * (not shown)}")
+        after = "" if top.peak_s is None else f" after {top.peak_s:.3g} s"
+        said.append(f"peaks at {top.peak:.3g}{unit}{after}{', so T_s is an average' * (not shown)}")
     level = f"{top.level:.4g} {fit.data.input_unit}".rstrip()
     return [f"held   at {level}: {', '.join(filter(None, said))}"]
 

@@ -199,6 +199,8 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         """What to record next."""
         if self.confounded:
             return "in each session a level of the others too, so that a reference step tells of all levels"
+        if self.base is not None and not self.gives_today:
+            return "in each new session the levels of these, then eaid compare: one step tells little of such a plant"
         return f"in each new session first a reference step at {self.best_step}, which is worth most"
 
     def lines(self) -> list[str]:

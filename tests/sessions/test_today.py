@@ -225,3 +225,13 @@ def test_a_rig_whose_output_counts_negative_has_a_today(make):
     (step,) = make(70, 0.4, levels=(60.0,), repeats=1).values()
     today = eaid.today(eaid.sessions(fits), step.assign(torque_nm=-step["torque_nm"]))
     assert today.verdict.usable and today.turned and today.data.replayed[0].fit_pct > 80
+
+
+def test_the_answer_of_a_rig_that_overshoots_says_its_peak(slipping):
+    """When it comes no reference step tells: the answer ended in a TypeError, behind a written file."""
+    t = np.arange(0.0, 14.0, 0.02)
+    since = np.maximum(t - 2, 0)
+    y = 3.3 * (1.5 * (1 - np.exp(-since / 0.2)) - 0.6 * (1 - np.exp(-since / 2.0)))
+    step = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 2, 0.0, 60.0), "torque_nm": y})
+    found = eaid.today(eaid.sessions(slipping[0]), step)
+    assert "peaks at" in found.summary() and found.responses[0].peak_s is None
