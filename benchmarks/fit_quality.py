@@ -145,7 +145,7 @@ def best_of_others(case: Case, starts: int = 12) -> float:
 
 def ours(case: Case) -> tuple[float, bool]:
     """Our cost by the sum above, and our verdict."""
-    found = fit_nonlinear(Data(LEVELS, tuple(LevelRecord(case.t_s, y, True) for y in case.y)), SHARE)
+    found = fit_nonlinear(Data(LEVELS, tuple(LevelRecord(case.t_s, y) for y in case.y)), SHARE)
     p = found.parameters
     x = np.concatenate([c * 100.0 ** np.arange(len(c)) for c in (p.tau1, p.tau2, p.Ts)])
     assert (A @ x - B).min() > -1e-9, "a constraint is broken"

@@ -38,9 +38,7 @@ class Data:
     @cached_property
     def points(self) -> Points:
         """The compressed curves."""
-        return self.compressed or compress(
-            [r.t_s for r in self.records], [r.y for r in self.records], [r.uniform for r in self.records]
-        )
+        return self.compressed or compress([r.t_s for r in self.records], [r.y for r in self.records])
 
     def only(self, rows: Sequence[int]) -> "Data":
         """Some of the levels."""
@@ -50,7 +48,7 @@ class Data:
 
 def data_of(levels: Sequence[Level], creep: Creep | None = None) -> Data:
     """The mean curves of some levels, from whose runs a creep was taken off."""
-    records = tuple(LevelRecord(level.time_s, level.mean, level.uniform) for level in levels)
+    records = tuple(LevelRecord(level.time_s, level.mean) for level in levels)
     return Data(np.array([level.level for level in levels], dtype=np.float64), records, creep=creep)
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eaid.arrays import Array, link
+from eaid.estimate.solver import Problem, approach
 
 NO_VARIANCE = 1e-6  # Part of the data's own variance below which a component is none
 
@@ -111,12 +112,6 @@ class MixedLine:
         """y − X β, (n,)."""
         return np.asarray(self.values.y - self.values.X @ self.beta)
 
-    @cached_property
-    def projected(self) -> Array:
-        """P = K⁻¹ − K⁻¹ X (X' K⁻¹ X)⁻¹ X' K⁻¹, (n, n)."""
-        across = self.inverse @ self.values.X
-        return np.asarray(self.inverse - across @ self.covariance @ across.T)
-
     @property
     def cost(self) -> float:
         """−log L but for a constant."""
@@ -129,9 +124,11 @@ class MixedLine:
 
     @cached_property
     def curvature(self) -> Array:
-        """Its second derivatives: y'P G_j P G_k P y − ½ tr(P G_j P G_k), (k, k)."""
-        moved = np.stack([G @ (self.projected @ self.values.y) for G in self.values.G])
-        return np.asarray(moved @ self.projected @ moved.T - self.values.likelihood(self.v)[2])
+        """Its second derivatives: y'P G_j P G_k P y − ½ tr(P G_j P G_k), (k, k), where P y is K⁻¹ r."""
+        moved = np.stack([G @ (self.inverse @ self.residuals) for G in self.values.G])
+        along = moved @ self.inverse @ self.values.X
+        free = moved @ self.inverse @ moved.T - along @ self.covariance @ along.T  # with P = K⁻¹ − K⁻¹ X (…)⁻¹ X' K⁻¹
+        return np.asarray(free - self.values.likelihood(self.v)[2])
 
     def further(self, x: Array, k: Array, own: Array) -> "Further":
         """q further values: x (q, p) are their rows, k (components, n, q) what they have in common with the values,
@@ -186,7 +183,7 @@ class Further:
 
 
 REML_STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
-MOST_SCORING_STEPS, SHORTEST_STEP, NO_GAIN = 60, 2.0**-20, 1e-12  # Fisher's scoring: steps, least part of one, no gain
+MOST_STEPS, NO_GAIN, NO_PART = 60, 1e-12, 1e-12  # Fisher's scoring: steps; gain of log L, part of the scale: none
 
 
 def fit_restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
@@ -195,23 +192,6 @@ def fit_restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
     if not np.diag(values.W).all():  # values known for certain have no K⁻¹ where their components are 0
         values = replace(values, W=values.W + NO_VARIANCE**2 * scale * np.eye(len(values.y)))
     starts = [np.full(len(values.G), one * scale) for one in REML_STARTS] if near is None else [near]
-    return values.at(min((_score(values, one) for one in starts), key=lambda end: end[0])[1])
-
-
-def _score(values: MixedValues, v: Array) -> tuple[float, Array]:
-    """The least −log L by Fisher's scoring from v, components that would fall below 0 held there; and where it is."""
-    cost, slope, expected = values.likelihood(v)
-    for _ in range(MOST_SCORING_STEPS):
-        free = (v > 0) | (slope < 0)
-        step, share = np.zeros(len(v)), 1.0
-        step[free] = -np.linalg.pinv(expected[np.ix_(free, free)], hermitian=True) @ slope[free]
-        if slope @ (np.maximum(v + step, 0.0) - v) > -NO_GAIN:
-            break
-        found = values.likelihood(tried := np.maximum(v + step, 0.0))
-        while found[0] >= cost and share > SHORTEST_STEP:
-            share /= 2
-            found = values.likelihood(tried := np.maximum(v + share * step, 0.0))
-        if found[0] >= cost:
-            break
-        v, (cost, slope, expected) = tried, found
-    return cost, v
+    problem = Problem(values.likelihood, np.eye(len(values.G)), np.zeros(len(values.G)), str, floor=1.0)
+    best = min((approach(problem, one, MOST_STEPS, NO_GAIN) for one in starts), key=lambda end: end.cost)
+    return values.at(np.where(best.x > NO_PART * scale, best.x, 0.0))

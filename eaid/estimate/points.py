@@ -1,8 +1,8 @@
 """Many samples → a few weighted points with the same sum of squared residuals, for curves that are smooth on a block.
 
 Each level is cut into blocks that double in length. On a block, y is projected on polynomials that are orthonormal over
-the block's own instants (three-term recurrence, Stieltjes); the Jacobi matrix of the recurrence gives Gauss nodes t_j
-and weights w_j (Golub–Welsch). With ŷ_j the projection at the nodes,
+the block's own instants (QR); how they go with the instant, a Jacobi matrix, gives Gauss nodes t_j and weights w_j
+(Golub–Welsch). With ŷ_j the projection at the nodes,
 Σ_k (y_k − f_k)² = [Σ y² − Σ w_j ŷ_j²] + Σ w_j (ŷ_j − f(t_j))²,
 exact where f is a polynomial of degree < m on the block.
 """
@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
 from eaid.arrays import Array
@@ -73,25 +74,14 @@ class Points:
         return Points(self.t_s, -self.about_mean(self.y), self.w, True)
 
 
-def orthonormal(x: Array, m: int) -> tuple[Array, Array, Array]:
-    """Gauss nodes (m,), weights (m,), the projection (n, m) to √w_j ŷ_j, for the instants `x`, shape (n,), n > m."""
+def gauss_nodes(x: Array) -> tuple[Array, Array, Array]:
+    """Gauss nodes (m,), weights (m,), the projection (n, m) to ŷ_j, for the instants `x`, shape (n,), n > m."""
     centre, half = 0.5 * (x[0] + x[-1]), 0.5 * (x[-1] - x[0])
     s = (x - centre) / half
-    basis = np.empty((m, len(x)))
-    alpha, beta = np.zeros(m), np.zeros(m)
-    basis[0] = 1 / np.sqrt(len(x))
-    for k in range(m):
-        alpha[k] = basis[k] @ (s * basis[k])
-        if k + 1 == m:
-            break
-        following = (s - alpha[k]) * basis[k] - (beta[k] * basis[k - 1] if k else 0.0)
-        following -= (basis[: k + 1] @ following) @ basis[: k + 1]  # rounding would pile up in the recurrence alone
-        beta[k + 1] = np.sqrt(following @ following)
-        basis[k + 1] = following / beta[k + 1]
-    jacobi = np.diag(alpha) + np.diag(beta[1:], 1) + np.diag(beta[1:], -1)
-    nodes, vectors = np.linalg.eigh(jacobi)
-    vectors = vectors * np.sign(vectors[0])
-    return centre + half * nodes, len(x) * vectors[0] ** 2, np.ascontiguousarray(basis.T @ vectors)
+    basis = np.linalg.qr(legvander(s, POINTS_PER_BLOCK - 1))[0]
+    nodes, vectors = np.linalg.eigh(basis.T @ (s[:, None] * basis))
+    root = np.sqrt(len(x)) * vectors[0] * np.sign(basis[0, 0])  # √w but for its sign, which the projection has, too
+    return centre + half * nodes, root**2, np.ascontiguousarray(basis @ vectors / root)
 
 
 @lru_cache(maxsize=4096)
@@ -109,8 +99,7 @@ def block_sizes(n: int) -> NDArray[np.int64]:
 @lru_cache(maxsize=256)  # the projections of long blocks take a megabyte each
 def gauss(n: int) -> tuple[Array, Array, Array]:
     """Nodes and weights of n equal steps, and the projection to ŷ."""
-    nodes, weights, projection = orthonormal(np.arange(n, dtype=np.float64), POINTS_PER_BLOCK)
-    return nodes, weights, projection / np.sqrt(weights)
+    return gauss_nodes(np.arange(n, dtype=np.float64))
 
 
 def nodes_of(
@@ -138,26 +127,25 @@ def nodes_of(
             weights.append(np.tile(w, len(starts)))
             continue
         for k in starts.tolist():
-            nodes, w, projection = orthonormal(t_s[k : k + n], POINTS_PER_BLOCK)
+            nodes, w, projection = gauss_nodes(t_s[k : k + n])
             at.append(nodes)
-            outputs.append(y[k : k + n] @ projection / np.sqrt(w))
+            outputs.append(y[k : k + n] @ projection)
             weights.append(w)
     when = np.concatenate(at)
     order = np.argsort(when, kind="stable")
     return when[order], np.concatenate(outputs)[order], np.concatenate(weights)[order]
 
 
-def compress(times_s: Sequence[Array], outputs: Sequence[Array], uniform: Sequence[bool] | None = None) -> Points:
-    """Points of all levels; times and outputs of shape (n_l,) each, times rising, `uniform` where that is known."""
-    known = [False] * len(times_s) if uniform is None else uniform
+def compress(times_s: Sequence[Array], outputs: Sequence[Array]) -> Points:
+    """Points of all levels; times and outputs of shape (n_l,) each, times rising."""
     parts = []
-    for t_s, out, even in zip(times_s, outputs, known, strict=True):
+    for t_s, out in zip(times_s, outputs, strict=True):
         n = len(t_s)
         if n <= FEW_SAMPLES:
             parts.append((t_s, out, np.ones(n)))
             continue
         dt = (t_s[-1] - t_s[0]) / (n - 1)
-        even = even or np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt
+        even = np.abs(t_s - (t_s[0] + dt * np.arange(n))).max() <= 1e-6 * dt
         parts.append(nodes_of(t_s, out, np.array([0, n]), dt if even else None))
     longest = max(len(t) for t, _, _ in parts)
     t, y = (np.stack([np.pad(one[k], (0, longest - len(one[k])), mode="edge") for one in parts]) for k in (0, 1))
@@ -210,7 +198,6 @@ class LevelRecord:
 
     t_s: Array
     y: Array
-    uniform: bool
 
 
 def level_residuals(theta: Array, records: Sequence[LevelRecord]) -> list[Array]:

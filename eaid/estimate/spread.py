@@ -166,11 +166,6 @@ def gains_of(information: Array, along: Array, take: Array, held: Array) -> tupl
     return along @ (take @ back), back
 
 
-def correct_score(own: Array, back: Array, score: Array) -> Array:
-    """The score of a cluster without its own say in the estimate, (I − own back)⁻¹ score (CR3), (n,)."""
-    return np.asarray(np.linalg.lstsq(np.eye(len(own)) - own @ back, score, rcond=1e-9)[0])
-
-
 def free_inverse(curvature: Array, held: Array) -> Array:
     """Inverse of a curvature in the directions that no row of `held` blocks, in scaled form, (n, n)."""
     size = np.diag(curvature)

@@ -7,7 +7,7 @@ tried by their values at as many inputs as they have coefficients, one after the
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -36,25 +36,18 @@ TOUCHED = 20  # Levels that τ2(u) is let touch τ1 at, at every second where th
 MOST_LEVELS = 30  # Levels that are looked at
 
 
-@dataclass(frozen=True, eq=False)
-class GainTable:
-    """What the cost of L levels falls by at pairs of time constants."""
-
-    grid: Array  # Time constants [s], (K,)
-    gain: Array  # (L, K, K); [l, i, j] for τ1 = grid[i], τ2 = grid[j]
-
-    def at(self, tau1: Array, tau2: Array) -> Array:
-        """Gain at time constants of each level, (N, L) each, linear in ln τ between those of the grid."""
-        step, both = np.log(self.grid[1] / self.grid[0]), np.maximum([tau1, tau2], 1e-300)
-        place = np.clip(np.log(both / self.grid[0]) / step, 0.0, len(self.grid) - 1.001)
-        below = place.astype(np.intp)
-        (i, j), (p, q), levels = below, place - below, np.arange(tau1.shape[1])
-        near, far = ((1 - q) * self.gain[levels, k, j] + q * self.gain[levels, k, j + 1] for k in (i, i + 1))
-        return np.asarray((1 - p) * near + p * far)
+def gain_at(grid: Array, table: Array, tau1: Array, tau2: Array) -> Array:
+    """Gain at time constants of each level, (N, L) each, linear in ln τ between those of the grid of a `gain_table`."""
+    step, both = np.log(grid[1] / grid[0]), np.maximum([tau1, tau2], 1e-300)
+    place = np.clip(np.log(both / grid[0]) / step, 0.0, len(grid) - 1.001)
+    below = place.astype(np.intp)
+    (i, j), (p, q), levels = below, place - below, np.arange(tau1.shape[1])
+    near, far = ((1 - q) * table[levels, k, j] + q * table[levels, k, j + 1] for k in (i, i + 1))
+    return np.asarray((1 - p) * near + p * far)
 
 
-def gain_table(points: Points, share: float) -> GainTable:
-    """The table of levels on their compressed points."""
+def gain_table(points: Points, share: float) -> tuple[Array, Array]:
+    """A grid of time constants [s], (K,), and what the cost of levels falls by at τ1 and τ2 on it, (L, K, K)."""
     times = np.where((points.w > 0) & (points.t_s > 0), points.t_s, np.nan)
     grid = np.geomspace(0.3 * np.nanmin(times), LONGEST_RECORDS * np.nanmax(times), TABLE_SIZE)
     s = rise(points.t_s[:, None], grid[:, None])
@@ -65,7 +58,7 @@ def gain_table(points: Points, share: float) -> GainTable:
     along = (weighed @ points.y[:, :, None])[:, :, 0]
     square = share**2 * squares[:, :, None] + (1 - share) ** 2 * squares[:, None] + 2 * share * (1 - share) * gram
     inner = np.maximum(share * along[:, :, None] + (1 - share) * along[:, None], 0.0)
-    return GainTable(grid, inner**2 / np.maximum(square, 1e-300))
+    return grid, inner**2 / np.maximum(square, 1e-300)
 
 
 def time_constants(
@@ -116,15 +109,15 @@ def form_starts(model: Model, data: Data, weight: Array) -> list[Array]:
     one, two = (model.tau1.rows(data.u[some]) @ inverse for inverse in back)
     starts = []
     for share in START_SHARES if model.share is None else (model.share,):
-        table = gain_table(data.points, share)
-        coarse = GainTable(table.grid, table.gain[some])
+        grid, table = gain_table(data.points, share)
+        tables = partial(gain_at, grid, table[some])
 
-        def gain(first: Array, second: Array, coarse: GainTable = coarse) -> Array:
+        def gain(first: Array, second: Array, at: Callable[[Array, Array], Array] = tables) -> Array:
             tau1, tau2 = first @ one.T, second @ two.T
             sound = (tau1 >= TAU_FLOOR_S).all(axis=1) & (tau2 >= tau1).all(axis=1)
-            return np.where(sound, coarse.at(tau1, tau2) @ weight[some], -1.0)
+            return np.where(sound, at(tau1, tau2) @ weight[some], -1.0)
 
-        pairs, grid = np.tensordot(weight[some], coarse.gain, 1), np.maximum(table.grid, TAU_FLOOR_S)
+        pairs, grid = np.tensordot(weight[some], table[some], 1), np.maximum(grid, TAU_FLOOR_S)
         for values in time_constants(gain, pairs, grid, (one.shape[1], two.shape[1]), data.longest_s):
             x = np.full(model.size, share)  # where C is free, the last is C
             for part, inverse, tau in zip(model.slices[1:], back, values, strict=True):

@@ -22,7 +22,6 @@ from eaid.estimate.spread import (
     FEW_DEGREES,
     Influence,
     LevelScatter,
-    correct_score,
     free_inverse,
     gains_of,
     score_test_end,
@@ -46,9 +45,10 @@ CURVED = 0.25  # Half-width of ln τ2 from which the ends of a level's intervals
 
 
 def single_scores(take: Array, information: Array, score: Array, back: Array) -> Array:
-    """Scores of levels of a single run, each without its own say in the estimate, (L, n)."""
-    own = take.transpose(0, 2, 1) @ information @ take
-    return np.array([correct_score(A, back, -T.T @ s) for A, T, s in zip(own, take, score, strict=True)])
+    """Scores of levels of a single run, each without its own say, (I − own back)⁻¹ score (CR3), (L, n)."""
+    others = np.eye(len(back)) - take.transpose(0, 2, 1) @ information @ take @ back
+    rows = zip(others, take, score, strict=True)
+    return np.array([np.linalg.lstsq(left, -T.T @ s, rcond=1e-9)[0] for left, T, s in rows])
 
 
 @dataclass(frozen=True, eq=False)

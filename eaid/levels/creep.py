@@ -66,10 +66,10 @@ def find_share_and_creep(stepset: StepSet, share: ShareEstimate, held: float) ->
         t0 = np.array([one.mean() for one in middles])
         at_idle = float(idle.mean()) if len(idle) else 0.0
         if not single:
-            C, rate, _ = _share_and_rate(levels, t0, None, at_idle)
+            C, rate, _ = _share_and_rate(stepset, t0, None, at_idle)
             free = C.differs(held)
         if not free:
-            C, rate, cost = _share_and_rate(levels, t0, held, at_idle)
+            C, rate, cost = _share_and_rate(stepset, t0, held, at_idle)
         if _creeps(rate, levels, idle) and (free or cost < _cost_of_share(levels, held)):
             told = free and share_is_told(C.value - C.half, C.value + C.half)
             of_levels = {level.level: float(one) for level, one in zip(levels, t0, strict=True)}
@@ -103,17 +103,17 @@ def _cost_of_share(levels: Sequence[Level], held: float) -> float:
     return float(fit_levels_first(data, held).steps.weight @ fit_levels_first(data, None).at.cost)
 
 
-def _share_and_rate(levels: Sequence[Level], t0: Array, share: float | None, idle: float) -> tuple[Told, Told, float]:
+def _share_and_rate(stepset: StepSet, t0: Array, share: float | None, idle: float) -> tuple[Told, Told, float]:
     """C, free or held, the rate of a creep that all runs share, from the best of some rates, that of the idle time
     among them: the slow parts of low levels imitate one; and what these leave."""
-    data = data_of(levels)
+    data = data_of(stepset.levels)
     first = fit_levels_first(data, share)
     weight = first.steps.weight
     per_hold = float(np.abs(data.points.y).max()) / data.longest_s
     tried = sorted({0.0, idle, *(side * part * per_hold for part in GROWTH for side in (-1, 1))})
-    ends = [fit_levels_first(subtract_creep(data, rate, t0), share, [first.x]) for rate in tried]
+    ends = [fit_levels_first(data_of(stepset.without_creep(rate, 0.0).levels), share, [first.x]) for rate in tried]
     costs = np.array([float(weight @ one.at.cost) for one in ends])
-    found = [_solve_near(levels, data, t0, tried[k], ends[k].x, share) for k in lowest_places(costs)[:BEST]]
+    found = [_solve_near(stepset, t0, tried[k], ends[k].x, share) for k in lowest_places(costs)[:BEST]]
     rate, near, (errors, degrees) = min(found, key=lambda one: float(weight @ one[1].solved.at.cost))
     of_C, of_rate = zip(errors.tolist(), degrees.tolist(), strict=True)
     C = Told(float(near.solved.x[-1]), *of_C) if share is None else Told(share, 0.0, of_C[1])
@@ -121,12 +121,12 @@ def _share_and_rate(levels: Sequence[Level], t0: Array, share: float | None, idl
 
 
 def _solve_near(
-    levels: Sequence[Level], data: Data, t0: Array, rate: float, x: Array, share: float | None
+    stepset: StepSet, t0: Array, rate: float, x: Array, share: float | None
 ) -> tuple[float, Estimate, tuple[Array, Array]]:
     """The rate next to one, the estimate without it, and how sure C and the rate are."""
     for _ in range(RATE_ROUNDS):
-        moved = subtract_creep(data, rate, t0)
-        near = Estimate(levels, fit_levels_first(moved, share, [x]))
+        moved = data_of(stepset.without_creep(rate, 0.0).levels)
+        near = Estimate(stepset.levels, fit_levels_first(moved, share, [x]))
         x, columns = near.solved.x, _creep_columns(near, t0)
         score, back = _sum_scores(near, moved, columns)
         step, known = float(back[-1] @ score.sum(axis=0)), _creep_errors(near, back, columns, score)
@@ -134,14 +134,6 @@ def _solve_near(
             break
         rate -= step
     return rate, near, known
-
-
-def subtract_creep(data: Data, rate: float, t0: Array) -> Data:
-    """The mean curves without a creep."""
-    if not rate:
-        return data
-    pairs = zip(data.records, t0.tolist(), strict=True)
-    return Data(data.u, tuple(replace(one, y=one.y - rate * (one.t_s + since)) for one, since in pairs))
 
 
 def _creep_columns(near: Estimate, t0: Array) -> list[Array]:

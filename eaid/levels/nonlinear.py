@@ -25,15 +25,7 @@ from eaid.levels.adequacy import decays
 from eaid.levels.bootstrap import drawn_ends, spread_of
 from eaid.levels.certainty import Estimate, single_scores
 from eaid.levels.each_level import own_levels
-from eaid.levels.friction import (
-    HELD_BY,
-    LevelValues,
-    level_findings,
-    quote_each,
-    quote_levels,
-    tau2_open,
-    widen,
-)
+from eaid.levels.friction import HELD_BY, LevelValues, level_findings, quote_each, quote_levels, tau2_open, widen
 from eaid.levels.from_steps import Solution, textbook_covariance
 from eaid.levels.slow_part import slow_part
 from eaid.levels.task import FitTask

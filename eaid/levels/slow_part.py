@@ -19,14 +19,13 @@ from eaid.arrays import Array, median
 from eaid.estimate.forms import LEAST_TAU_S
 from eaid.estimate.points import Normal
 from eaid.estimate.scatter import bartlett_variance, run_residuals
+from eaid.estimate.solver import SOLVE_SETTLED, Problem, approach
 from eaid.estimate.spread import FEW_DEGREES, satterthwaite, t_quantile
 from eaid.levels.from_steps import StepProblem
 from eaid.steps.stepset import Level
 
 LENGTHS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.5)  # τ2 supposed, in record lengths; the last stands for all beyond
-TAU1_STEPS = 12  # Newton steps in which τ1(u) follows
 FEWEST_SPARE_SINGLES = 2  # Levels beyond the unknowns from which single runs show what ψ scatters
-TAU1_SETTLED = 1e-6  # Part of τ1 by which the last of them moves it
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,23 +59,15 @@ def _with_tau2(steps: StepProblem, x: Array, tau2_s: float) -> Normal | None:
     _, one, two = steps.model.slices
     y = x.copy()
     y[two] = np.linalg.lstsq(steps.model.tau2.rows(steps.data.u), np.full(len(steps.data.u), tau2_s), rcond=None)[0]
-    cost = steps.normal(y)
-    for _ in range(TAU1_STEPS):
-        _, gradient, curvature = cost
-        move = -np.linalg.lstsq(curvature[one, one], gradient[one], rcond=1e-12)[0]
-        for _ in range(TAU1_STEPS):
-            new = y.copy()
-            new[one] += move
-            again = steps.normal(new)
-            if again[0] <= cost[0] and (steps.M[1] @ new > LEAST_TAU_S).all():
-                break
-            move = 0.5 * move
-        else:
-            break
-        done = np.abs(move).max() <= TAU1_SETTLED * np.abs(y[one]).max()
-        y, cost = new, again
-        if done:
-            break
+
+    def normal(tau1: Array) -> tuple[float, Array, Array]:
+        y[one] = tau1
+        cost, gradient, curvature = steps.normal(y)
+        return cost, gradient[one], curvature[one, one]
+
+    rows = steps.M[1][:, one]
+    problem = Problem(normal, rows, np.full(len(rows), LEAST_TAU_S), str, floor=steps.problem.floor)
+    y[one] = approach(problem, x[one], near=SOLVE_SETTLED).x
     at = steps.at(y)
     return at if (at.theta[1] <= at.theta[2]).all() else None
 

@@ -64,7 +64,7 @@ def fit_with_loss(
         cut = K * sigma
         # y* = f − clip(f − y) with r = f − y
         records = tuple(
-            LevelRecord(record.t_s, record.y + one - np.clip(one, -cut, cut), record.uniform)
+            LevelRecord(record.t_s, record.y + one - np.clip(one, -cut, cut))
             for record, one in zip(data.records, r, strict=True)
         )
         solved = solve(replace(data, records=records), solved)

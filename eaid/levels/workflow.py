@@ -260,10 +260,7 @@ def _tell_creep(creep: Creep, data: FittedData, fades: str = "fade-taken-off") -
 
 
 def _fit_levels(
-    stepset: StepSet,
-    options: FitOptions,
-    progress: Callable[[], None] | None,
-    on_tails: Data | None = None,
+    stepset: StepSet, options: FitOptions, progress: Callable[[], None] | None, on_tails: Data | None = None
 ) -> tuple[Fit, Scatter]:
     """The models of steps from rest, with intervals, and how the runs scatter; curves of τ near 0 or far beyond a
     record overflow on the way. `on_tails`: their mean curves with the tails that the steps are without."""

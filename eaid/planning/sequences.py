@@ -24,7 +24,7 @@ from eaid.options import Limits, PlanOptions
 from eaid.planning.kinds import PARAMETERS, Sensitivities, falls_of, is_clutch
 from eaid.planning.recordings import RATE_HZ, simulated_disturbance
 from eaid.planning.widths import Widths, fitted_rig, percent, relative_rows, settled, wanting
-from eaid.plant.drive import ROW_NUMBER, Drive
+from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import driven
 from eaid.recorded.curve_intervals import held_curves
@@ -81,15 +81,8 @@ def drive_of_sequence(whole: Array) -> Drive:
     edges = (np.arange(HOLD_INSTANTS + 1) / HOLD_INSTANTS) ** 2 * np.diff(np.append(starts, changes[-1][0]))[:, None]
     nothing = np.zeros((len(starts), 1))
     t = (starts[:, None] + np.hstack([nothing, 0.5 * (edges[:, 1:] + edges[:, :-1])])).ravel()
-    before = np.append(0.0, level[:-1])
-    pairs, at = np.unique([level, np.where(level == 0, before, level)], axis=1, return_inverse=True)
-    duty, left = np.ascontiguousarray(pairs)
-    rising = np.where((level < before) & (level > 0), -1, 1).astype(ROW_NUMBER)
-    return Drive(
-        np.append(np.diff(t), 0.0), np.repeat(at.ravel().astype(ROW_NUMBER), HOLD_INSTANTS + 1), duty, left,
-        np.repeat(rising, HOLD_INSTANTS + 1), np.zeros(len(t)), np.hstack([nothing, np.diff(edges)]).ravel(), False,
-        True,
-    )  # fmt: skip
+    log = RecordedLog("planned", t, np.repeat(level, HOLD_INSTANTS + 1), np.zeros(len(t)), idle_start=True)
+    return log.drive._replace(w=np.hstack([nothing, np.diff(edges)]).ravel())
 
 
 def breaks_of(whole: Array) -> tuple[tuple[float, float], ...]:

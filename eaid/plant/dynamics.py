@@ -362,10 +362,7 @@ def plant_step(plant: PlantNumbers, x1: float, x2: float, u: float, dt: float) -
         tau, _, steady = plant_terms(plant, u)
         c, n = swing(plant.zeta, dt / tau)
         away = x1 - steady
-        return (
-            steady + (c + plant.zeta * n) * away + n * x2,
-            (c - plant.zeta * n) * x2 - n * away,
-        )
+        return (steady + (c + plant.zeta * n) * away + n * x2, (c - plant.zeta * n) * x2 - n * away)
     fast, slow, tau1, tau2 = plant_pull(plant, x1, x2, u)
     # expm1 keeps precision when dt << tau, where 1 - exp(-x) cancels.
     return x1 - math.expm1(-dt / tau1) * fast, x2 - math.expm1(-dt / tau2) * slow

@@ -6,15 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.plant.dynamics import (
-    Plant,
-    PlantNumbers,
-    plant_numbers,
-    plant_pull,
-    plant_step,
-    plant_terms,
-    swing,
-)
+from eaid.plant.dynamics import Plant, PlantNumbers, plant_numbers, plant_pull, plant_step, plant_terms, swing
 from eaid.plant.steps import decay, rise, step_rate, step_response
 
 FEW_ROWS_HELD = 8  # An input held for fewer rows is followed row by row, which then is faster

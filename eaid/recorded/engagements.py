@@ -231,12 +231,13 @@ def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: boo
 
     With D = ∂f/∂ln τ1, freed of T, an engagement by itself moves ln τ1 by −D'r/D'D.
     """
-    setup, part, rows = solved.setup, solved.setup.model.slices[1], []
+    setup, part = solved.setup, solved.setup.model.slices[1]
+    S, moved, own, seen, c, weight = [], [], [], [], np.zeros(setup.size), 0.0
     for k, (drive, place) in enumerate(zip(setup.drives, setup.places, strict=True)):
-        known, idle, first = drive.w > 0, int(place.own[0]), 0
+        known, idle, first, count = drive.w > 0, int(place.own[0]), 0, len(place.columns)
         which, root = engagements(drive)[known], np.sqrt(drive.w[known])
         above = root * (drive.y[known] - (solved.x[idle] if idle >= 0 else 0.0))
-        sums = np.zeros((int(which[-1]) + 1, 2 * len(place.columns) + 6))
+        sums = np.zeros((int(which[-1]) + 1, 2 * count + 6))
         for piece in setup.derivatives(solved.x, k):
             here = slice(first, first + len(piece))
             J, r, T, first = piece[:, :-1], piece[:, -1:], (piece[:, -1] + above[here])[:, None], here.stop
@@ -244,25 +245,18 @@ def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: boo
             starts = np.flatnonzero(np.diff(which[here], prepend=-1))
             products = np.hstack([J * D, J * T, D * D, D * T, T * T, D * r, T * r, (D * T) ** 2])
             sums[which[here][starts]] += np.add.reduceat(products, starts)
-        rows.append((place.columns, sums, float(drive.dt_s.sum()) / max(len(which), 1)))
-    S, moved, own, seen, c, weight = [], [], [], [], np.zeros(setup.size), 0.0
-    for columns, sums, dt_s in rows:
-        loaded = sums[:, -4] > LEAST_LOAD * sums[:, -4].mean()
-        JD, JT = (sums[loaded][:, at] for at in (slice(len(columns)), slice(len(columns), 2 * len(columns))))
-        DD, DT, TT, Dr, Tr, DDTT = sums[loaded, -6:].T
+        sums = sums[sums[:, -4] > LEAST_LOAD * sums[:, -4].mean()]
+        JD, JT, (DD, DT, TT, Dr, Tr, DDTT) = sums[:, :count], sums[:, count : 2 * count], sums[:, -6:].T
         weight, alone = weight + float(TT.sum()), np.maximum(DD - DT**2 / TT, 1e-300)
         moved.append(-(Dr - DT * Tr / TT) / alone)
+        dt_s = float(drive.dt_s.sum()) / max(len(which), 1)
         own.append((noise.sensor_nm2_s * DD + noise.ripple_s * DDTT) / dt_s / alone**2)
         seen.append(np.stack([alone, DT / TT], axis=1))
         S.append(np.zeros((len(DD), setup.size)))
-        S[-1][:, columns] = JD - free * JT * (DT / TT)[:, None]
-        c[columns] += (JT / TT[:, None]).sum(axis=0)
-    d, of_noise, (alone, by_gain), each = (
-        np.concatenate(moved),
-        np.concatenate(own),
-        np.concatenate(seen).T,
-        np.vstack(S),
-    )
+        S[-1][:, place.columns] = JD - free * JT * (DT / TT)[:, None]
+        c[place.columns] += (JT / TT[:, None]).sum(axis=0)
+    d, of_noise, each = np.concatenate(moved), np.concatenate(own), np.vstack(S)
+    alone, by_gain = np.concatenate(seen).T
     if free:
         each += np.outer(by_gain, c) * weight / len(d) ** 2
     if len(d) < FEWEST_ENGAGEMENTS or not np.isfinite(d).all():

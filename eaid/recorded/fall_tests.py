@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import fdtrc
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.forms import SLOWEST_TAU
 from eaid.findings import Finding, finding
 from eaid.levels.release import LEFT_SAVES
@@ -170,10 +170,7 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
     if not (np.isfinite(V).all() and np.isfinite(own).all()):
         return 1.0
     sizes = np.sqrt(np.array(own) / np.maximum(np.diagonal(V), 1e-300))
-    V = V * np.outer(sizes, sizes)
-    scale = np.sqrt(np.maximum(np.diagonal(V), 1e-300))
-    back = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-10, hermitian=True)
-    statistic = float((off / scale) @ back @ (off / scale)) / len(off)
+    statistic = float(off @ scaled_inverse(V * np.outer(sizes, sizes), 1e-10) @ off) / len(off)
     return float(fdtrc(len(off), max(min(degrees), 1.0), statistic))
 
 

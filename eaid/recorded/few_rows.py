@@ -66,18 +66,10 @@ def average_moving(log: RecordedLog) -> Drive:
     span = np.append(np.diff(t[starts]), t[-1] - t[starts[-1]])
     acted = np.add.reduceat(log.input * log.dt_s, starts)
     level = np.where(span > 0, acted / np.where(span > 0, span, 1.0), log.input[starts])
-    middle = np.add.reduceat(t, starts) / size
-    alone = size == 1
-    at = np.stack([t[starts], middle], axis=1).ravel()
-    weight = np.stack([np.where(alone, log.weight, 0.0), np.where(alone, 0.0, log.weight * size)], axis=1).ravel()
-    kept = np.stack([np.ones_like(alone), ~alone], axis=1).ravel()
+    at = np.stack([t[starts], np.add.reduceat(t, starts) / size], axis=1).ravel()
     duty, index = np.unique(level, return_inverse=True)
     return every._replace(
-        dt_s=np.append(np.diff(at[kept]), 0.0),
-        which=np.repeat(index, 2)[kept].astype(ROW_NUMBER),
-        duty=duty,
-        paces=duty,
-        rising=np.ones(int(kept.sum()), dtype=ROW_NUMBER),
-        y=np.repeat(np.add.reduceat(every.y, starts) / size, 2)[kept],
-        w=weight[kept],
-    )
+        dt_s=np.append(np.diff(at), 0.0), which=np.repeat(index, 2).astype(ROW_NUMBER), duty=duty, paces=duty,
+        rising=np.ones(len(at), dtype=ROW_NUMBER), y=np.repeat(np.add.reduceat(every.y, starts) / size, 2),
+        w=np.stack([0.0 * size, log.weight * size], axis=1).ravel(),
+    )  # fmt: skip

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.forms import in_parallel, of_kind
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, newton_step, solver_verdict
@@ -259,18 +259,11 @@ def carry_unknowns(near: Solved, setup: Setup, gain: Form) -> Array:
 
 def solve_gain(setup: Setup, x: Array) -> Array:
     """The unknowns with all that enters linearly at its least squares: the gain, idle outputs, start states."""
-    n, free = setup.size, [*range(setup.model.slices[0].stop), *range(setup.shared, setup.size)]
-    H, g = np.zeros((n, n)), np.zeros(n)
+    free = [*range(setup.model.slices[0].stop), *range(setup.shared, setup.size)]
     x = x.copy()
     x[free] = 0.0
-    for k in range(len(setup.drives)):
-        J, r = setup.jacobian(x, k)
-        at = setup.places[k].columns
-        H[np.ix_(at, at)] += J.T @ J
-        g[at] += J.T @ r
-    A = H[np.ix_(free, free)]
-    size = np.sqrt(np.maximum(np.diag(A), 1e-300))
-    x[free] = -np.linalg.lstsq(A / np.outer(size, size), g[free] / size, rcond=1e-12)[0] / size
+    _, gradient, curvature = setup.together(x)
+    x[free] = -scaled_inverse(curvature[np.ix_(free, free)], 1e-12) @ gradient[free]
     return x
 
 

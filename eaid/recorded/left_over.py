@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from eaid.arrays import Array, Mask, means_of
+from eaid.arrays import Array, Mask, means_of, scaled_inverse
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.plant.sums import follow_play, lagged, unforeseen
@@ -47,28 +47,24 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
         parts.append((columns, rows * dt_s))
         sums += columns.T @ columns
         size += float(np.var(log.output[known])) * len(columns)
-    scale, total = np.sqrt(np.diag(sums)[:-1]), float(sums[-1, -1])
-    moves = np.flatnonzero(scale > 0)
+    A, along, total = sums[:-1, :-1], sums[:-1, -1], float(sums[-1, -1])
     if not total > 0:
         return []
-    alike = sums[np.ix_(moves, moves)] / np.outer(scale[moves], scale[moves])
-    along = sums[moves, -1] / scale[moves]
-    follows = np.linalg.pinv(alike, hermitian=True, rcond=1e-10) @ along / scale[moves]
-    independent = 0.0
+    follows, independent = scaled_inverse(A, 1e-10) @ along, 0.0
     for columns, dt_s in parts:
-        left = columns[:, -1] - columns[:, moves] @ follows
+        left = columns[:, -1] - columns[:, :-1] @ follows
         independent += effective_samples(left, dt_s)
 
     def share(of: Mask) -> float:  # beyond what noise would give
         if independent <= 2 * of.sum():
             return -np.inf
-        back = np.linalg.pinv(alike[np.ix_(of, of)], hermitian=True, rcond=1e-10)
+        back = scaled_inverse(A[np.ix_(of, of)], 1e-10)
         return float(along[of] @ back @ along[of] / total - of.sum() / independent)
 
-    which = moves % FUNCTIONS
-    of_size, of_sign = which < OF_SIZE, (which >= OF_SIZE) & (which < FUNCTIONS - len(PLAYS))
+    which, moves = np.arange(2 * FUNCTIONS) % FUNCTIONS, np.diag(A) > 0
+    of_size, of_sign = moves & (which < OF_SIZE), moves & (which >= OF_SIZE) & (which < FUNCTIONS - len(PLAYS))
     by_size = share(of_size)
-    explained = max(by_size, share(of_sign), share(of_size | of_sign), share(which >= 0))
+    explained = max(by_size, share(of_sign), share(of_size | of_sign), share(moves))
     if explained < MUCH or explained * total < LEFT_SEEN**2 * size:
         return []
     by = "size" if by_size > 0.5 * explained else "direction"

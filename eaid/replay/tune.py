@@ -26,15 +26,7 @@ from eaid.control.design import Design, phi_needed, robust_of, seen_top_nm
 from eaid.control.gains import RangeOfB, model_of, plant_of, range_of_b
 from eaid.control.guarantee import MENDABLE, Grounds, falls_of_b, guarantee_of, to_mend, warnings_of
 from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
-from eaid.control.margins import (
-    Point,
-    finite,
-    least_margins,
-    less_in_falls,
-    margins_of,
-    points_of,
-    supposed_falls,
-)
+from eaid.control.margins import Point, finite, least_margins, less_in_falls, margins_of, points_of, supposed_falls
 from eaid.control.pi import PAPER_PI, PIGains, Wanted, step_metrics
 from eaid.errors import DataError
 from eaid.estimate.draw import draw, drawable

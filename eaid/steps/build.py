@@ -12,16 +12,7 @@ from eaid.findings import Finding, finding, stops
 from eaid.logs.read import PLAIN
 from eaid.logs.run import Run
 from eaid.options import ExperimentKind, ReadOptions, typed
-from eaid.steps.checks import (
-    CHECKS,
-    OF_RESTS,
-    broken_off,
-    coarse,
-    creeping,
-    disagreements,
-    idle_at_limit,
-    idle_slope,
-)
+from eaid.steps.checks import CHECKS, OF_RESTS, broken_off, coarse, creeping, disagreements, idle_at_limit, idle_slope
 from eaid.steps.cut import level_steps
 from eaid.steps.levels import common, grouped, same_level, wanted_levels
 from eaid.steps.noise import STANDARD_ERRORS, block_error, idle_density

@@ -26,13 +26,13 @@ def usual_step(time_s: Array) -> float:
     return median(np.diff(time_s))
 
 
-def uniform_step(time_s: Array, within: float = SAME_INSTANT) -> float | None:
-    """Sample time [s] of an axis that is t_0 + k·dt to that share of dt; None where it is not."""
+def uniform_step(time_s: Array) -> float | None:
+    """Sample time [s] of an axis that is t_0 + k·dt to a part `SAME_INSTANT` of dt; None where it is not."""
     count = len(time_s)
     if count < 2:
         return None
     dt = float(time_s[-1] - time_s[0]) / (count - 1)
-    if np.abs(time_s - (time_s[0] + np.arange(count) * dt)).max() > within * dt:
+    if np.abs(time_s - (time_s[0] + np.arange(count) * dt)).max() > SAME_INSTANT * dt:
         return None
     tidy = float(f"{dt:.6g}")
     return tidy if abs(tidy - dt) * count <= SAME_INSTANT * dt else dt

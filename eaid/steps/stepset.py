@@ -16,7 +16,7 @@ from eaid.errors import DataError
 from eaid.findings import Finding, finding, merged, ranked, say, sentences, stops
 from eaid.logs.run import Run
 from eaid.shown import Shown, counted, span
-from eaid.steps.step import SlipTest, uniform_step
+from eaid.steps.step import SlipTest
 
 if TYPE_CHECKING:
     import pandas
@@ -46,11 +46,6 @@ class Level:
     """Output of each repeat [N·m or `output_unit`], shape (R, n)."""
     names: tuple[str, ...]
     """Name of the run behind each row of `runs`."""
-
-    @cached_property
-    def uniform(self) -> bool:
-        """True where `time_s` is t_0 + k·dt, to a millionth of dt."""
-        return uniform_step(self.time_s, within=1e-6) is not None
 
     @cached_property
     def ordered_runs(self) -> Array:

@@ -65,10 +65,7 @@ def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
     left = own - own.mean(axis=0) - own.mean(axis=1, keepdims=True) + own.mean()
     assert found.expected[0, 0] == pytest.approx((left**2).sum() / (7 * 3) / 4)
     whole = Influence(
-        np.ones((8, 1, 1)) / 8,
-        replace(found, shifts=tuple(one.shift for one in levels)),
-        np.zeros((0, 1)),
-        0.0,
+        np.ones((8, 1, 1)) / 8, replace(found, shifts=tuple(one.shift for one in levels)), np.zeros((0, 1)), 0.0
     )
     variance, degrees = whole.variance()
     assert variance == pytest.approx(common @ common / 3 / 4) and degrees == pytest.approx(3.0, rel=0.02)

@@ -108,8 +108,7 @@ def test_a_level_that_falls_has_no_b_and_one_level_no_offset(clutch_set: Maker) 
 
 @pytest.mark.parametrize("share", [0.85, "free"])
 @pytest.mark.parametrize(
-    "truth",
-    [Step(1.7, 0.35, 6.0), Step(0.05, 0.02, 0.9), Step(300.0, 1.5, 25.0), Step(2.0, 0.1, 1.2, 0.5)],
+    "truth", [Step(1.7, 0.35, 6.0), Step(0.05, 0.02, 0.9), Step(300.0, 1.5, 25.0), Step(2.0, 0.1, 1.2, 0.5)]
 )
 def test_one_level_returns(truth: Step, share: Any) -> None:
     held = truth.C if share == 0.85 else share

@@ -67,10 +67,7 @@ def test_an_input_that_never_moves_is_told() -> None:
 def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
     t = np.arange(200) / 100
     y = 1 - np.exp(-t)
-    for u, said in (
-        (np.zeros(200), "never leaves rest"),
-        (np.where(t > 1, np.nan, 20.0), "not known at every row"),
-    ):
+    for u, said in ((np.zeros(200), "never leaves rest"), (np.where(t > 1, np.nan, 20.0), "not known at every row")):
         with pytest.raises(eaid.DataError, match=said):
             fit_recorded([RecordedLog("log", t, u, y, source="a.csv")])
     with pytest.raises(eaid.DataError, match="never changes"):
