@@ -24,8 +24,10 @@ from eaid.options import FitOptions
 from eaid.plant.forms import PerLevel
 from eaid.plant.respond import from_rest
 from eaid.recorded.choice import Chosen, choose_plant, squares_about_mean, subtract_white_noise
+from eaid.recorded.engagements import without_gains
 from eaid.recorded.fit import experiment_of, fit_of
-from eaid.recorded.from_logs import fit_through
+from eaid.recorded.from_logs import fit_through, setup_of
+from eaid.recorded.inputs import Experiment
 from eaid.recorded.kinds import solve_gain
 from eaid.recorded.plant_part import levels_of_plant
 from eaid.results.fit import Fit
@@ -63,7 +65,7 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
     one = "lag+dead" if fit.dead_time_s > 0 else "lag"
     try:
         experiment = experiment_of(logs, how, repeats=stepset.levels, falls=False)
-        chosen, of_evidence = choose_plant(experiment), None
+        chosen, of_evidence = choose_beside_gains(experiment), None
         for kind in ("", one):  # the one of evidence; then the one that the two lags became
             if kind:
                 of_lag = max((row.fit_pct or 0.0 for row in chosen.kinds if row.kind == one), default=0.0)
@@ -72,7 +74,7 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
                 chosen = chosen.of_kind(kind)
             if chosen.of_clutch:
                 continue
-            chosen = fit_levels_each(chosen)
+            chosen = fit_levels_each(chosen, experiment.logs)
             other = fit_of(experiment, chosen)
             if not kind and len(stepset.levels) > 1:  # the shape of one step alone is a dead time's, too
                 of_evidence = other
@@ -87,17 +89,27 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
     return fit
 
 
-def fit_levels_each(chosen: Chosen) -> Chosen:
-    """A single lag whose time constants are those of levels with a T_s each, as the clutch's are: runs differ in gain,
-    and what one gain for all leaves of that would bend them."""
-    solved, model = chosen.solved, chosen.solved.setup.model
-    u = np.unique(np.concatenate([one.log.input[one.log.input > 0] for one in solved.fitted.copies]))
-    if model.kind != "lag" or model.Ts is None or len(u) <= model.Ts.size:
+def choose_beside_gains(experiment: Experiment) -> Chosen:
+    """The plant of steps, chosen as if their levels had the gains that its own have: where runs differ in gain, curves
+    of the lags over the input would be bought by that."""
+    chosen = choose_plant(experiment)
+    alike = without_gains(chosen.solved, experiment.logs)
+    return choose_plant(replace(experiment, logs=alike)) if alike else chosen
+
+
+def fit_levels_each(chosen: Chosen, logs: Sequence[RecordedLog]) -> Chosen:
+    """A plant whose lags are those of levels with a T_s each, as the clutch's are: runs differ in gain, and what one
+    gain for all leaves of that would bend them."""
+    solved, model, before = chosen.solved, chosen.solved.setup.model, chosen.solved.fitted
+    u = np.unique(np.concatenate([one.log.input[one.log.input > 0] for one in before.copies]))
+    if model.Ts is None or len(u) <= model.Ts.size:
         return chosen
+    recorded = [replace(one.log, output=log.output) for one, log in zip(before.copies, logs, strict=True)]
+    again = setup_of(model, recorded, before.idle_free, before.dead_time_s, before.falls_as_left, before.extras)
+    solved = replace(solved, fitted=again)
     each = fit_through(solved, PerLevel(tuple(u.tolist())))
     x, own, of_each = solved.x.copy(), solved.fitted, each.fitted
-    x[model.slices[1]] = each.x[each.setup.model.slices[1]]
-    x[model.size : own.shared] = each.x[of_each.model.size : of_each.shared]
+    x[model.Ts.size : own.shared] = each.x[len(u) : of_each.shared]
     x = solve_gain(own, x)
     return replace(chosen, solved=replace(solved, x=x, cost=own.problem().value(x)[0]))
 

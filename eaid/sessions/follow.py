@@ -25,6 +25,7 @@ from eaid.reading import steps_in
 from eaid.results.fit import Fit
 from eaid.sessions.model import steps_known
 from eaid.sessions.rig import Rig
+from eaid.sessions.today import on_plant
 
 LOOK_S = 0.5  # From one look at the folder to the next [s]
 WAITS, UNFINISHED = 1, 12  # Looks for which a file has to stand still, and one whose last row is not ended
@@ -94,7 +95,8 @@ def followed(
     for file in whole_files(paths, silence_s, lasts_s):
         try:
             runs = held.pop(file, None) or read_runs([file], reading)
-            fit = fit_steps(steps_in(runs, reading)[1], FitOptions(model=("friction",)))
+            fit = fit_steps(steps := steps_in(runs, reading)[1], FitOptions(model=("friction",)))
+            fit = on_plant(rig.base, fit, steps) if rig is not None and rig.base is not None else fit
         except DataError as fault:
             unread.add(file)
             yield f"{fault.sentences[0]}; record it again?"

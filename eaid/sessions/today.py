@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from scipy.linalg import block_diag
 from scipy.special import stdtrit
 
-from eaid.arrays import Array, median
+from eaid.arrays import Array, best_gain, median
 from eaid.declared import given_options, part
 from eaid.errors import DataError
 from eaid.estimate.coefficients import CURVES_ORDER, with_intervals
@@ -23,6 +23,7 @@ from eaid.findings.sentences.fitting import kind_in_words
 from eaid.levels.workflow import fit_steps
 from eaid.options import FitOptions, ReadOptions
 from eaid.plant.forms import scales, terms
+from eaid.plant.respond import from_rest
 from eaid.plant.steps import decay
 from eaid.replay.compare import of_own_logs
 from eaid.results import models as parts
@@ -132,8 +133,26 @@ def plant_in_steps(rig: Rig, base: Fit, shown: Fit) -> tuple[float | None, list[
 def _fitted(base: Fit, steps: StepSet) -> Fit:
     models = ("friction", "linear") if steps.kind == "clutch" else ("friction",)
     given = {**part(FitOptions, base.options).given(), "model": models, "hold_out": (), "bounds_levels": None}
-    fitted = fit_steps(steps, given_options(FitOptions, None, given))
+    fitted = on_plant(base, fit_steps(steps, given_options(FitOptions, None, given)), steps)
     return replace(fitted, responses=responses_of(steps, fitted.findings))
+
+
+def on_plant(base: Fit, shown: Fit, steps: StepSet) -> Fit:
+    """A fit of steps with T_s of each level as the lags of a rig that is no clutch make it: its plant's response, with
+    the gain that is nearest to the step."""
+    if (part := base.another_plant) is None or shown.friction is None:
+        return shown
+    means, rows = {level.level: (level.time_s, level.mean) for level in steps.levels}, []
+    for row in shown.friction.levels:
+        if row.from_ == 0 and row.Ts and row.level in means:
+            time_s, y = means[row.level]
+            Ts = float(part.plant.steady(row.level)) * best_gain(from_rest(part.plant, time_s, row.level), y)
+            known = row.ci95
+            if known is not None and known.Ts is not None:
+                known = replace(known, Ts=(known.Ts[0] * Ts / row.Ts, known.Ts[1] * Ts / row.Ts))
+            row = replace(row, Ts=Ts, ci95=known)
+        rows.append(row)
+    return replace(shown, friction=replace(shown.friction, levels=tuple(rows)))
 
 
 def _steps(rig: Rig, shown: Fit, name: str) -> KnownValues:

@@ -235,3 +235,5 @@ def test_the_answer_of_a_rig_that_overshoots_says_its_peak(slipping):
     step = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 2, 0.0, 60.0), "torque_nm": y})
     found = eaid.today(eaid.sessions(slipping[0]), step)
     assert "peaks at" in found.summary() and found.responses[0].peak_s is None
+    gain = found.plant.steady(60.0) / eaid.sessions(slipping[0]).base.plant.steady(60.0)
+    assert gain * slipping[1][-1] == pytest.approx(3.3 / 3, rel=0.06)  # by the clutch's own curve it was 8 % more
