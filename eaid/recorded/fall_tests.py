@@ -53,7 +53,7 @@ def list_tests(setup: Setup, stepwise: bool, free: bool) -> tuple[str, ...]:
 def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
     """Test all that the inputs can tell together, then fit again with those that differ: they are its extras. Where
     levels are held, with T_s of each: falls imitate what a curve through them misses."""
-    names = list_tests(base.setup, inputs.stepwise, free)
+    base, names = without_falls(base), list_tests(base.setup, inputs.stepwise, free)
     judgements: dict[str, Judged] = {}
     if names:
         model, by_levels = base.setup.model, base
@@ -126,6 +126,15 @@ def fit_with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
     own = x[before.shared :] if dead < 0 else np.append(x[dead], x[before.shared :])
     extras = names if dead < 0 else (*names, "dead")
     return fit_near(replace(before, extras=extras), np.r_[x[: before.model.size], begin, own])
+
+
+def without_falls(solved: Solved) -> Solved:
+    """The fit with falls that go as rises do; itself where they do."""
+    setup, x = solved.fitted, solved.x
+    if not (fallen := tuple(name for name in setup.extras if name != "dead")):
+        return solved
+    of_falls = [setup.at(name) + k for name in fallen for k in range(len(NO_EXTRAS[name]))]
+    return fit_near(replace(setup, extras=setup.extras[len(fallen) :]), np.delete(x, of_falls))
 
 
 def _makes_surer(base: Solved, whole: Solved, of_whole: Spread) -> bool:

@@ -98,7 +98,7 @@ class KindTried(Result, frozen=True):
     unknowns: Count
     fit_pct: Number | None
     score: Number | None
-    """Squares that are left and what noise alone would save, relative to the least: the kind of score 1 is taken."""
+    """Squares that are left and what noise alone would save, relative to the kind that is taken."""
 
 
 class LogsHeldOut(Result, frozen=True):
