@@ -187,11 +187,11 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         level = near if math.isclose(near, level, rel_tol=AS_PRINTED) else level
         rows = {row.name: row for row in self.parameters if row.level is not None and math.isclose(row.level, level)}
         p, other = self.nonlinear, self.another_plant if self.nonlinear is None else None
-        part = p or other
+        part, signed = p or other, other is not None and other.plant.signed
         found: dict[str, tuple[float | None, ...]]
         if other is None and rows.keys() >= SYMBOLS.keys():
             found = {name: (rows[name].value, rows[name].low, rows[name].high) for name in SYMBOLS}
-        elif part is None or not part.u_range[0] <= level <= part.u_range[1]:
+        elif part is None or not part.u_range[0] <= (abs(level) if signed else level) <= part.u_range[1]:
             inside = "" if part is not None else "the levels "
             raise self._outside("level", level, self.data.levels if part is None else part.u_range, inside)
         elif isinstance(part, FittedPlant):

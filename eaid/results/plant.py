@@ -30,6 +30,7 @@ class PlantIntervals(Result, frozen=True):
     gain_below: Interval = None
     """The same below rest."""
     tau1: Interval = None
+    """Of the lags, at the highest input where they go with it; of `series` of the two, not of 1/ω."""
     tau2: Interval = None
     C: Interval = None
     omega: Interval = None
@@ -116,13 +117,15 @@ class FittedPlant(Result, frozen=True):
 
     def _ends(self, key: str, u: float, value: float) -> Interval:
         """The interval of a value at an input: where it goes with the input no narrower than at those to both sides."""
-        rows = [] if self.ci95 is None else sorted(self.ci95.levels.get(key, ()))
+        below = key == "Ts" and u < 0  # the levels told are those above rest
+        rows = [] if self.ci95 is None or below else sorted(self.ci95.levels.get(key, ()))
         if not rows:
             if key != "Ts":
                 return None if key in LAGS and self.paced else getattr(self.ci95, key, None)
-            gain = getattr(self.ci95, "gain", None)
-            straight = bool(self.tried) and self.tried[0].gain == "one"
-            return (u * gain[0], u * gain[1]) if straight and gain is not None else None
+            gain = getattr(self.ci95, "gain_below" if below and self.Ts_below else "gain", None)
+            straight = bool(self.tried) and self.tried[0].gain in ("one", "sides")
+            ends = sorted(u * end for end in gain) if straight and gain is not None else None
+            return None if ends is None else (ends[0], ends[1])
         at = [row for row in rows if math.isclose(row[0], u)]
         place = bisect_left(rows, (u,))
         rows = at or rows[max(place - 1, 0) : place + 1]

@@ -474,3 +474,15 @@ def test_an_input_that_moves_between_its_rows_is_one_that_goes_straight() -> Non
     assert lag.plant.kind == "lag" and not any("loop" in code for code in codes(lag))
     assert lag.plant.steady(50.0) == pytest.approx(1.5, rel=2e-3)
     assert lag.plant.time_constants(50.0)[0] == pytest.approx(0.4, rel=5e-3)
+
+
+def test_a_rig_of_two_signs_is_known_below_rest() -> None:
+    """`fit.at` refused every input below rest of a plant with a gain there."""
+    draw, t = np.random.default_rng(0), np.arange(0, 60, 0.01)
+    u = np.repeat(draw.choice([-60.0, -30.0, 0.0, 30.0, 60.0], 30), 200)
+    y = respond(replace(LAG, Ts_below=(0.0, -0.012)), t, u, t) + 0.01 * draw.standard_normal(len(t))
+    fit = eaid.fit(t, u, y)
+    value, low, high = fit.at(-30).loc["Ts"]
+    assert low < -0.36 < high and low < value < high and fit.at(30).loc["Ts", "value"] == pytest.approx(0.6, rel=0.01)
+    with pytest.raises(eaid.UsageError, match="the fit knows 30 … 60"):
+        fit.at(-5)
