@@ -82,7 +82,7 @@ class FittedPlant(Result, frozen=True):
     output_unit: str = "N·m"
     ci95: PlantIntervals | None = None
     tried: tuple[KindTried, ...] = ()
-    """The kinds of lag that were tried, the one taken first; none of a closed loop, which tells none, nor of most steps."""
+    """The kinds of lag that were tried, the one taken first; none of a closed loop, nor of most steps."""
 
     def __post_init__(self) -> None:
         refuse_unordered(self.Ts_through)
