@@ -120,6 +120,7 @@ def fit_steps(
         of_shapes = [
             warning for shape in shapes for warning in shape.findings
             if not of_C or warning.values.get("shape") != "free" or shape.dead_time_s > 0
+            if not begin.dead_time_s or warning.values.get("shape") not in ("one", "two")  # which the model has, too
         ]  # fmt: skip
         of_shapes = list(merged(of_shapes)) if another else of_shapes
         rows = between_rows(shapes) if "friction" in (options.model or ("friction",)) else ()
@@ -133,7 +134,9 @@ def fit_steps(
         beyond_measure = [] if result is told else [finding("numbers-beyond-measure", "data")]
         of_logs = [repeat_options(one, options) for one in stepset.all_findings]
         of_logs += [] if starts is None else [starts.told]
-        every = (*of_logs, *result.findings, *begin.findings, *of_shapes, *beyond_measure)
+        late_s, missed = begin.dead_time_s, "repeats-miss-alike" in codes
+        of_filter = [finding("filter-not-dead-time", "steps", dead_time_s=late_s)] if late_s > 0 and missed else []
+        every = (*of_logs, *result.findings, *begin.findings, *of_filter, *of_shapes, *beyond_measure)
         return judged(
             msgspec.structs.replace(
                 result,

@@ -46,7 +46,7 @@ from eaid.recorded.fall_tests import fit_with_falls
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, fit_through, idle_found, plant_found, start_states
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Experiment, find_inputs, input_findings, refuse
-from eaid.recorded.left_over import column_findings, drift_findings, left_over_findings
+from eaid.recorded.left_over import change_findings, column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import Spread, spread, spread_by_runs
 from eaid.recorded.plant_part import LevelsOwn, OwnRow, find_own_lags, find_own_levels, intervals, plant_part
 from eaid.results.common import LevelError, Source
@@ -466,7 +466,7 @@ def judge_logs(experiment: Experiment, chosen: Chosen, engagements: int) -> tupl
     if not loops:
         findings += log_that_differs(base, [log.name for log in logs])
     if not experiment.of_loops:  # whose input follows what is left
-        for left in (drift_findings, left_over_findings, column_findings):
+        for left in (drift_findings, left_over_findings, change_findings, column_findings):
             findings += left(base, chosen.logs)
     rows = zip(logs, chosen.logs, chosen.late, strict=True)
     off_s = base.dead_time_s if base.fitted.between_rows else 0.0

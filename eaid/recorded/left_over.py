@@ -4,7 +4,8 @@ has not, as a play, dry friction, hysteresis or a curve of another form.
 The residuals are regressed on functions of the input as it acts, raw and behind the plant's fast lag: u, u |u|, u³ for
 curves, the sign of its last change, that times |u|, and u through plays, for what goes by its direction. What they
 explain of the residuals, less what they would of noise with as many independent samples as what they leave has, is told
-where it is much, and seen in the output.
+where it is much, and seen in the output. So is what follows how the input has just changed, which a filter makes that
+no dead time is: u less itself behind quick lags.
 
 And whether the input is seen in the output at all: what wanders by itself is explained to 70 % by a slow lag of any
 input. Output and model are freed of what an autoregression of the output foresees, so that what is left of a drift
@@ -30,7 +31,9 @@ MUCH = 0.15  # Part of the residuals' squares, beyond chance
 CLEAR_SD = 5.0  # Errors of the slope: of random walks, with models fitted to them, 4.3 at most (40), of rigs 8 at least
 WINDOWS = (0.0, 0.05, 0.2, 0.5)  # Of the slowest lag, over which both are averaged before; that counts which shows most
 FEWEST_MEANS, MOST_MEANS, MOST_COUNTED_ROWS = 100, 20_000, 200_000
-LEFT_SEEN = 0.03  # Part of the output's standard deviation that the part explained has at least
+# Part of the output's standard deviation that the part explained has at least, and that which goes by the changes
+LEFT_SEEN, CHANGES_SEEN = 0.03, 0.01
+QUICKER = (1 / 3, 1 / 10)  # Parts of τ1, lags that tell how an input has just changed
 
 
 def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
@@ -69,6 +72,26 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
         return []
     by = "size" if by_size > 0.5 * explained else "direction"
     return [finding("residuals-follow-input", "nonlinear", (), share_pct=100 * explained, by=by)]
+
+
+def change_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
+    """Said where what a model leaves follows how the input has just changed: what delays the output is no dead time."""
+    plant, theta_s, size, independent = plant_found(solved), solved.dead_time_s, 0.0, 0.0
+    tau_s, sums = float(np.mean(plant.time_constants(max(plant.u_range))[0])), np.zeros((4, 4))
+    for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
+        known, dt_s, u = np.isfinite(log.output), log.usual_s, acting_input(log, theta_s)
+        lags = [(u, tau_s * part) for part in QUICKER] + [(log.input, theta_s)]
+        late = [lagged(one[:, None], dt_s, max(tau, 1e-3 * dt_s))[known, 0] - one[known] for one, tau in lags]
+        columns = np.column_stack([*late, r])
+        columns -= columns.mean(axis=0)
+        sums += columns.T @ columns
+        size += float(np.var(y)) * len(y)
+        independent += effective_samples(r, dt_s)
+    along, total = sums[:-1, -1], max(float(sums[-1, -1]), 1e-300)
+    explained = float(along @ scaled_inverse(sums[:-1, :-1], 1e-10) @ along) / total - 3 / max(independent, 1.0)
+    if explained < MUCH or explained * total < CHANGES_SEEN**2 * size:
+        return []
+    return [finding("residuals-follow-input", "nonlinear", (), share_pct=100 * explained, by="changes")]
 
 
 def column_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]:
@@ -118,10 +141,15 @@ def drift_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]
     return [] if found > CLEAR_SD else [finding("drift-explains-as-much", "nonlinear", errors=found)]
 
 
+def acting_input(log: RecordedLog, theta_s: float) -> Array:
+    """The input of a log behind a dead time, (n,)."""
+    at = np.searchsorted(log.time_s, log.time_s - theta_s, side="right") - 1
+    return log.input[np.clip(at, 0, len(log.time_s) - 1)]
+
+
 def functions_of(log: RecordedLog, theta_s: float, tau_s: float, dt_s: float) -> Iterator[Array]:
     """The functions of the input of a log as it acts, raw, then behind a lag, 2 FUNCTIONS of (n,)."""
-    t, at = log.time_s, np.searchsorted(log.time_s, log.time_s - theta_s, side="right") - 1
-    u = log.input[np.clip(at, 0, len(t) - 1)]
+    u = acting_input(log, theta_s)
     change = np.sign(np.diff(u, prepend=u[0]))
     last = np.maximum.accumulate(np.where(change != 0, np.arange(len(u)), 0))
     moved = change[last]

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter
 
 import eaid
 from eaid.errors import DataError
@@ -44,6 +44,20 @@ def test_what_is_left_is_told_where_it_follows_the_input(rig, memory: float, tol
     fit = eaid.fit(eaid.read(log, columns={"input": "input_V", "output": "speed_rpm"}), **PLAIN)
     values = [one.values["by"] for one in fit.findings if one.code == "residuals-follow-input"]
     assert values == ([] if told is None else [told])
+
+
+@pytest.mark.parametrize("filtered", [True, False])
+def test_a_filter_of_the_output_is_told_where_it_is_more_than_a_dead_time(filtered: bool) -> None:
+    """A Butterworth of 1 Hz: τ1 was 12 to 14 % and τ2 15 to 47 % off at all of 55 inputs, in silence."""
+    draw, t, x, y = np.random.default_rng(3), np.arange(0.0, 120.0, 0.01), np.zeros(2), []
+    u = np.repeat(draw.choice((0.0, 20.0, 40.0, 60.0, 80.0), 60), 200)
+    for level in u.tolist():
+        y.append(x.sum())
+        x = x + (0.03 * level * np.array([0.85, 0.15]) - x) * -np.expm1(-0.01 / np.array([0.35, 4.0]))
+    output = lfilter(*butter(2, 1.0, fs=100.0), y) if filtered else np.array(y)
+    fit = eaid.fit(t, u, output + 0.01 * draw.normal(size=len(t)))
+    values = [one.values["by"] for one in fit.findings if one.code == "residuals-follow-input"]
+    assert values == (["changes"] if filtered else [])
 
 
 def test_a_dead_zone_is_no_reason_to_refuse_a_plant() -> None:

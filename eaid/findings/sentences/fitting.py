@@ -40,6 +40,14 @@ LAGS_IN_WORDS = {
     "zero": "two lags with a zero", "clutch": "the clutch's two lags over the input",
     "parallel": "two lags in parallel", "overshoot": "two lags that overshoot",
 }  # fmt: skip
+SMALL_CHANGES = ", which no model here has; gains and intervals hold for small changes at most"
+# What residuals follow beside the plant's own
+FOLLOWED = {
+    "size": f"the input, in a form{SMALL_CHANGES}",
+    "direction": f"which way the input last moved, as play, dry friction or hysteresis make it{SMALL_CHANGES}",
+    "changes": "how the input has just changed, as a filter of the output makes it, which is no dead time: τ1 and τ2 "
+    "hold it, too, and their intervals do not know of it",
+}
 
 
 def _constraint(values: Values) -> str:
@@ -376,6 +384,10 @@ ROWS: dict[str, Row] = {
         ),
         rank=0,
     ),
+    "filter-not-dead-time": caution(
+        "the steps begin behind a dead time of {dead_time_s:.3g} s, and yet all repeats miss the curves alike, as "
+        "behind a filter: τ1 and τ2 hold that, too, and their intervals do not know of it"
+    ),
     "repeats-miss-alike": note(
         lambda v: (
             f"at {len(v['each'])} of {v['of']} levels all repeats miss the curve "
@@ -434,15 +446,7 @@ ROWS: dict[str, Row] = {
         "which no model here has, or another reading of the output; record with it held still"
     ),
     "residuals-follow-input": caution(
-        lambda v: (
-            f"what the model leaves is no noise: {v['share_pct']:.2g} % of it follows "
-            + (
-                "which way the input last moved, as play, dry friction or hysteresis make it, which no model here has"
-                if v["by"] == "direction"
-                else "the input, in a form that no model here has"
-            )
-            + "; gains and intervals hold for small changes at most"
-        )
+        lambda v: f"what the model leaves is no noise: {v['share_pct']:.2g} % of it follows {FOLLOWED[v['by']]}"
     ),
     "no-kind-explains": stop(
         "no kind of lag explains these logs, the best {fit_pct:.2g} %: look at the columns, or whether the input "
