@@ -183,7 +183,7 @@ class Further:
 
 
 REML_STARTS = (1.0, 0.1, 0.001)  # Parts of the values' scale about a plain line that each component starts from
-MOST_STEPS, NO_GAIN, NO_PART = 60, 1e-12, 1e-12  # Fisher's scoring: steps; gain of log L, part of the scale: none
+MOST_STEPS, NO_GAIN, NO_COMPONENT = 60, 1e-12, 1e-12  # Fisher's scoring: steps; gain of log L, part of the scale: none
 
 
 def fit_restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
@@ -194,4 +194,4 @@ def fit_restricted(values: MixedValues, near: Array | None = None) -> MixedLine:
     starts = [np.full(len(values.G), one * scale) for one in REML_STARTS] if near is None else [near]
     problem = Problem(values.likelihood, np.eye(len(values.G)), np.zeros(len(values.G)), str, floor=1.0)
     best = min((approach(problem, one, MOST_STEPS, NO_GAIN) for one in starts), key=lambda end: end.cost)
-    return values.at(np.where(best.x > NO_PART * scale, best.x, 0.0))
+    return values.at(np.where(best.x > NO_COMPONENT * scale, best.x, 0.0))

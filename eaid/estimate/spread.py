@@ -112,7 +112,7 @@ class Influence:
         expected = np.einsum("lkn,klm->kmn", share, levels.mixed)
         part = np.einsum("kmn,km->mn", expected, levels.relative)
         total, usual = part.sum(axis=0), expected.sum(axis=0)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):  # where nothing tells an unknown, its gain is endless
             known = levels.degrees[:, None] > 0
             spread = np.where(known, usual**2 / np.where(known, levels.degrees[:, None], 1.0), 0.0).sum(axis=0)
             degrees = np.where(spread > 0, usual.sum(axis=0) ** 2 / spread, levels.degrees.sum())

@@ -303,7 +303,7 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
         same_form = parallel and own.cost <= first.cost + AS_MUCH * PRICE * noise  # with another C
         by_noise = noise_saves(first.solved, more, DEFAULT_CHANCE) if more > 0 else 0.0
         better = own.cost < first.cost - max(DEFAULT_SAVES * first.cost, by_noise)
-        if (same_form or better) and own.solved.solver.converged and tells_its_curves(own.solved, inputs):
+        if (same_form or better) and own.solved.solver.converged and tells_curves(own.solved, inputs, not better):
             first = own
     # noise that goes round a loop bends what has no instruments
     if searched.experiment.of_loops:
@@ -513,10 +513,10 @@ def leaves_Ts_open(solved: Solved, inputs: Excited) -> bool:
     return bool(np.mean(known.half_width[0] > OPEN_TS) >= 0.5)
 
 
-def tells_its_curves(solved: Solved, inputs: Excited) -> bool:
-    """Whether the logs tell T_s of a fit at more than half of its inputs, and each of its time constants at some."""
+def tells_curves(solved: Solved, inputs: Excited, each: bool) -> bool:
+    """Whether the logs tell T_s of a fit at more than half of its inputs, and `each` of its time constants at some."""
     Ts, *taus = curves(solved, spread(solved), inputs.shown).half_width
-    return bool(np.mean(Ts > OPEN_TS) < 0.5 and all(np.isfinite(tau).any() for tau in taus))
+    return bool(np.mean(Ts > OPEN_TS) < 0.5 and (not each or all(np.isfinite(tau).any() for tau in taus)))
 
 
 def _fit_clutch(experiment: Experiment) -> Chosen:

@@ -74,7 +74,7 @@ def newton(setup: Setup, noise: EngagementScatter, x: Array) -> tuple[Array, Arr
 LIMITS_PCT = {"Ts": 10.0, "tau1": 30.0, "tau2": 50.0}  # Half-widths beyond which the logs do not fix an input
 WIDEST_ENDS = 10.0  # An interval wider than this factor says nothing
 OF_SOME_INPUTS = ("tau2-endless", "Ts-zero")  # Constraints that say nothing of the inputs where they do not hold
-NO_PART = 1e-9  # Of the largest value of a curve, below which one is 0 but for rounding
+NO_VALUE = 1e-9  # Of the largest value of a curve, below which one is 0 but for rounding
 PARABOLA = 0.05  # Half-width in the logarithm up to which a parabola is a picture of the cost
 
 
@@ -131,7 +131,7 @@ def curves(solved: Solved, uncertainty: Spread, duty: Array) -> CurveSpread:
     covariance = newton(solved.fitted, noise, x)[1]
     off = np.full((2, *values.shape), np.inf)  # both ends in log, downwards and upwards
     names = tuple(LIMITS_PCT)
-    none = NO_PART * np.abs(values).max(axis=1, keepdims=True)  # what is no more than rounding of the largest
+    none = NO_VALUE * np.abs(values).max(axis=1, keepdims=True)  # what is no more than rounding of the largest
     for k, i in np.argwhere(values > none).tolist():
         half = uncertainty.of(slopes[k, i])
         if names[k] in constrained or (k and values[k, i] > RECORDS_FREE * solved.setup.longest_s):

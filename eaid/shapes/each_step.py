@@ -132,7 +132,7 @@ LONGEST_MEMORY = 5.0  # ρ = tanh of it at most
 NO_OTHER_LAGS = np.zeros((0, 4))
 # Ratios of two time constants that are held against the chosen shape, and record lengths of the longest τ2
 RATIOS_TRIED, LONGEST_RATIO = 24, 50.0
-LOOKED_AT = 20_000  # Values of the curve by which a dead time is followed from ratio to ratio
+FOLLOWED_VALUES = 20_000  # Values of the curve by which a dead time is followed from ratio to ratio
 HALVES_TRIED = np.linspace(-1.5, 1.5, 13)  # Half-widths of the chosen ratio, by its curvature, that are tried beside it
 WIDEST_FACTOR = 3.0  # Factor by which an interval of a time constant may reach to either side before it says nothing
 
@@ -199,7 +199,7 @@ def lags_possible(step: LevelStep, shape: StepShape, options: FitOptions) -> Arr
     p[3], found = options.held_share or SHARE, []
     for p[2] in tried[tried >= 0].tolist():
         if late:
-            p, left = refine(points, p, "two", (0, 1, 4), SHAPES_SETTLED, LOOKED_AT)
+            p, left = refine(points, p, "two", (0, 1, 4), SHAPES_SETTLED, FOLLOWED_VALUES)
         else:
             p, left = solve_least(points, p, "two", (0, 1), SHAPES_SETTLED)
         found.append([left + points.within, p[0], p[1], p[1] + p[2], p[3]])
