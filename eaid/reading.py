@@ -208,12 +208,13 @@ def blank(run: Run, top: float) -> bool:
 
 
 def refuse_far_rest(runs: Sequence[Run], rest: float) -> None:
-    """Refuse a rest that lies farther off all inputs than these go: those are in the unit that they are read in."""
+    """Refuse a rest farther off 0 and all inputs than these go: they are in the unit that they are read in."""
     inputs = [run for run in runs if run.has_input]
     if not rest or not inputs:
         return
     low, high = min(float(run.input.min()) for run in inputs), max(float(run.input.max()) for run in inputs)
-    if not low - (high - low) <= rest <= high + (high - low):
+    span = max(high, 0.0) - min(low, 0.0)
+    if not min(low, 0.0) - span <= rest <= max(high, 0.0) + span:
         unit = f" {inputs[0].input_unit}".rstrip()
         raise UsageError(
             f"«rest» {rest:g}{unit}: the inputs lie between {low:.4g} and {high:.4g}{unit}, in which they are read; "

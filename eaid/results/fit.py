@@ -114,7 +114,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         Those of another confidence than 95 % by Student's t, on the logarithm where the 95 % interval is even there.
         """
         if not 0 < statistics.as_numbers("alpha", alpha, 0) < 1:
-            raise UsageError(f"«alpha» {alpha:g}: must lie between 0 and 1")
+            raise UsageError(f"«alpha» {alpha}: must lie between 0 and 1")
         value, low, high, dof = statistics.interval_columns(self.parameters)
         ends = np.array([low, high])
         if alpha != 0.05:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from eaid.arrays import Array, median
 from eaid.logs.run import Run
-from eaid.steps.noise import sample_noise, stretches
+from eaid.steps.noise import block_noise, sample_noise, stretches
 
 FEWEST_HELD = 10  # Samples in the active window below which a step is refused
 OFFSET = 0.05  # Share of its largest value within which a measured input counts as zero
@@ -43,9 +43,11 @@ class Plateau:
 
 
 def tolerance(values: Array) -> float:
-    """How far an input may stray on a plateau: 1 % of its range, or six times its noise, whichever is more."""
+    """How far an input may stray on a plateau: 1 % of its range, or six times its noise, whichever is more; what goes
+    on from row to row is no noise."""
     span = float(np.ptp(values)) if len(values) else 0.0
-    return max(0.01 * span, STILL * sample_noise(values))
+    noise = sample_noise(values)
+    return max(0.01 * span, STILL * min(noise, block_noise(values)) if noise else 0.0)
 
 
 def plateaus(values: Array) -> list[Plateau]:
