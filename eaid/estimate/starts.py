@@ -22,14 +22,8 @@ START_SHARES = (0.3, 0.5, 0.7, 0.85, 0.95)  # Where a free C starts from
 TABLE_SIZE = 140  # Time constants of the table
 LONGEST_RECORDS = 30.0  # The longest, in records
 TRIED_VALUES = 5  # Values tried at each input
-BANDS = (
-    0.0,
-    0.1,
-    0.35,
-    1.0,
-    3.0,
-    LONGEST_RECORDS,
-)  # Ends of the ranges of τ2, in records, each of which a search begins in
+# Ends of the ranges of τ2, in records, each of which a search begins in
+BANDS = (0.0, 0.1, 0.35, 1.0, 3.0, LONGEST_RECORDS)
 REACH = (10.0, 4.0, 1.5)  # How far up and down from the value before, in each round
 MOST_STARTS = 6  # Starts handed on
 TOUCHED = 20  # Levels that τ2(u) is let touch τ1 at, at every second where there are as many

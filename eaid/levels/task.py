@@ -21,9 +21,7 @@ from eaid.steps.stepset import Level, StepSet
 
 K = 1.345  # Huber's constant: 95 % efficient on normal noise
 RESIDUALS_SETTLED = 1e-9  # The iteration ends where the residuals move by less than this part of σ
-HELD_BACK_MUCH = (
-    0.4  # Share of a level's samples held back from which it is told; 18 % are where the noise is normal and alike
-)
+HELD_BACK_MUCH = 0.4  # Share of a level's samples held back, from which it is told; of normal noise 18 % are
 
 
 @dataclass(frozen=True, eq=False)

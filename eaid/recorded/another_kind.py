@@ -37,13 +37,8 @@ from eaid.steps.stepset import StepSet, as_late
 
 REST_ROWS = 20  # Before a step
 OF_PLANT = ("kind-by-evidence", "dead-time", "levels-scatter", "output-levels-off")  # Which go with a plant
-OF_SHAPES = {
-    "dead-time",
-    "input-late",
-    "other-shape-fits-better",
-    "shape-misses",
-    "step-leaves-open",
-}  # No step has its shape
+# No step has its shape
+OF_SHAPES = {"dead-time", "input-late", "other-shape-fits-better", "shape-misses", "step-leaves-open"}
 SURELY_BETTER = 0.9  # Score of another kind over that of one lag, from which on it is taken for that
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
 FAR_OFF_PCT = 3.0  # Of the fit that one lag lacks, from which on it is not asked again

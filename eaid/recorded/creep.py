@@ -86,11 +86,8 @@ def guess_creep(log: RecordedLog) -> float:
     rows, lasts_s = max(1, len(log.input) // GUESSED_ROWS), float(log.time_s[-1] - log.time_s[0])
     size = np.abs(log.input).max()
     powers = np.column_stack([means_of((log.input / size) ** k, rows) for k in (1, 2, 3)])
-    share, y, usual_s = (
-        means_of((log.time_s - log.time_s[0]) / lasts_s, rows),
-        means_of(log.output, rows),
-        rows * log.usual_s,
-    )
+    share, y = (means_of(one, rows) for one in ((log.time_s - log.time_s[0]) / lasts_s, log.output))
+    usual_s = rows * log.usual_s
     behind = [lagged(powers, usual_s, part * lasts_s) for part in GUESSED_LAGS]
     known = np.isfinite(y)
     columns = np.column_stack([share, np.ones_like(share), *behind])[known]

@@ -72,11 +72,8 @@ class Delay(NamedTuple):
         """What is said of a log whose input was noted late, by more than one that moves between its rows is."""
         row_ms = 1e3 * log.usual_s
         ms, low, high = (row_ms * rows for rows in ((self.low + self.high) / 2, self.low, self.high))
-        return (
-            [finding("input-late", log.name, rows=self.rows, ms=ms, low=low, high=high)]
-            if self.rows > 0.5 * (not log.stepwise)
-            else []
-        )
+        late = self.rows > (0.0 if log.stepwise else 0.5)
+        return [finding("input-late", log.name, rows=self.rows, ms=ms, low=low, high=high)] if late else []
 
 
 ON_TIME = Delay()

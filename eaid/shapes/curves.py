@@ -45,9 +45,7 @@ def overshoots(p: Array, window: float) -> bool:
     return bool(s.max() - s[-1] > OVERSHOOT_SEEN * s.max())
 
 
-MOST_POINTS = (
-    800  # Points to which a record is averaged for the choice of a shape; the chosen one is fitted to all samples
-)
+MOST_POINTS = 800  # To which a record is averaged for the choice of a shape; the chosen one is fitted to all samples
 TAU_GRID = 28
 STARTS_KEPT = 3
 DELAYS_TRIED = 20

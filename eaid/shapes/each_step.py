@@ -234,9 +234,8 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, ta
         variance = per_sample * np.diag(unit)
     else:
         directions = np.concatenate((jacobian @ unit, np.ones((count, 1))), axis=1)
-        seen = min(
-            independent_samples(left, fewest=k + 1.0), NOISE_LAGS
-        )  # what the noise remembers is seen in so many stretches
+        # what the noise remembers is seen in so many stretches
+        seen = min(independent_samples(left, fewest=k + 1.0), NOISE_LAGS)
         degrees = seen - k
         own = bartlett_variance(step.time_s, directions * left[:, None]).max(axis=0)
         sums = np.maximum(own, lasting_variance(left, jacobian, directions))

@@ -252,13 +252,8 @@ class StepSet(Shown):
         )
         ended = ([one.ended(late_s) for one in part] for part in (self.levels, self.releases))
         levels, releases = (tuple(one for one in part if len(one.time_s) > 1) for part in ended)
-        return replace(
-            self,
-            runs=runs,
-            levels=levels,
-            releases=releases,
-            findings=self._told_of_no_creep if any(began) else self.findings,
-        )
+        told = self._told_of_no_creep if any(began) else self.findings
+        return replace(self, runs=runs, levels=levels, releases=releases, findings=told)
 
     def middles_s(self, level: Level, unknown_s: float = 0.0) -> Array:
         """From the middle of the rest that each run of a level is counted from to its step [s], (R,)."""
