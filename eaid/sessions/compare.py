@@ -99,7 +99,8 @@ class Shift(Result, frozen=True):
     def words(self) -> str:
         """`T_s −52 % (−57 … −47; p 2e-27), not alike at all levels (p 0.005): …`."""
         ends = f"{_pct(self.low)} … {_pct(self.high)}"
-        said = f"{CALLED[self.quantity]} {_pct(self.ratio)} % ({ends}; p {self.p:.2g})"
+        of_all = "" if self.moved or self.low <= 1 <= self.high else ", being one of several numbers"
+        said = f"{CALLED[self.quantity]} {_pct(self.ratio)} % ({ends}; p {self.p:.2g}{of_all})"
         if self.p_alike is None:
             return f"{said}, seen at {self.levels[0].level:.4g} only"
         if self.alike:

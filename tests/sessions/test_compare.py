@@ -8,7 +8,7 @@ from scipy import stats
 
 import eaid
 from eaid.findings import finding
-from eaid.sessions.compare import _session_covariance, holm
+from eaid.sessions.compare import Shift, _session_covariance, holm
 from eaid.sessions.gather import values_of_fit
 
 
@@ -326,3 +326,9 @@ def test_sessions_are_called_as_their_files_and_any_number_is_taken(before, make
     ]  # fmt: skip
     many = [msgspec.structs.replace(before, data=msgspec.structs.replace(before.data, sources=())) for _ in range(27)]
     assert list(eaid.compare(other, *many).files)[-2:] == ["AA", "AB"]
+
+
+def test_a_shift_beyond_its_own_interval_that_is_one_of_several_says_so():
+    """`same … (+0.4 … +9; p 0.12)` contradicted itself."""
+    one = Shift("Ts", "B", 1.047, 1.004, 1.09, 0.12, 0.5)
+    assert not one.changed and one.words().startswith("T_s +4.7 % (+0.4 … +9.0; p 0.12, being one of several numbers)")
