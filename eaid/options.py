@@ -92,7 +92,7 @@ class ReadOptions(Columns):
         "auto", "Value before each step: its last rest, the first samples, none, a value, or a window in s to it.",
         STEPS, words="auto|first|none", read=any_text, shown="WORD|VALUE|FROM:TO",
     )  # fmt: skip
-    rest: float = option(0.0, "Input at rest, in its own unit; levels are counted from it.", STEPS, **ANY)
+    rest: float = option(0.0, "Input at rest, in the unit of the levels, which are counted from it.", STEPS, **ANY)
     step_at: float | None = option(None, "Step instant, in seconds of the log.", STEPS, **ANY)
     until: float | None = option(None, "End of the active window, in seconds of the log.", STEPS, **ANY)
     apparatus: Apparatus | None = option(

@@ -294,7 +294,9 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
         simple = next(one for one in rows if one is not own)
         explains = simple.cost <= LEFT_BY_KIND * sum(map(squares_about_mean, searched.search.logs))
         well = simple.cost <= AS_WELL * own.cost
-        if (explains and lies_beyond_outputs(own.solved, inputs)) or (well and leaves_Ts_open(own.solved, inputs)):
+        if (explains and lies_beyond_outputs(own.solved, inputs)) or (
+            well and not tells_curves(own.solved, inputs, False)
+        ):
             first = simple
     if own is not first:
         noise = first.cost / first.solved.independent
@@ -505,12 +507,6 @@ def lies_beyond_outputs(solved: Solved, inputs: Excited) -> bool:
     """Whether T_s of a fit lies far beyond what the logs have reached."""
     reached = max(float(np.abs(y - idle_found(solved, k)).max(initial=0.0)) for k, y in enumerate(solved.outputs))
     return float(np.abs(solved.curves(inputs.shown).steady).max()) > BEYOND_REACHED * reached
-
-
-def leaves_Ts_open(solved: Solved, inputs: Excited) -> bool:
-    """Whether the logs leave T_s of a fit open at half of its inputs or more."""
-    known = curves(solved, spread(solved), inputs.shown)
-    return bool(np.mean(known.half_width[0] > OPEN_TS) >= 0.5)
 
 
 def tells_curves(solved: Solved, inputs: Excited, each: bool) -> bool:

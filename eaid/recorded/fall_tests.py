@@ -165,7 +165,8 @@ def _judge(solved: Solved, names: tuple[str, ...], uncertainty: Spread) -> dict[
         scale = against if name == "rest" else 1.0
         longest_s = max(float(drive.dt_s.sum()) for drive in solved.setup.drives)
         ends = name != "rest" or bool((values <= SLOWEST_TAU * longest_s).all())
-        differs = ends and chance < FALL_CHANCE and bool((np.abs(off / scale) > LEAST_DIFFERENCE[name]).any())
+        seen = np.abs(off) > np.array([uncertainty.of(row) for row in G])  # one of both by itself, too
+        differs = ends and chance < FALL_CHANCE and bool((seen & (np.abs(off / scale) > LEAST_DIFFERENCE[name])).any())
         judgements[name] = Judged(values, half, chance, differs, ends)
     return judgements
 

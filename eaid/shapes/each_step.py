@@ -128,7 +128,7 @@ NOISE_LAGS = 16  # Part of the record up to which noise may remember
 LONGEST_TAU2 = 1.0  # Record lengths beyond which the slow time constant is not quoted, nor the change that rests on it
 # Record lengths beyond which a slow time constant makes all intervals twice as wide: the tail before is not known
 SHORT_RECORD = 0.5
-LONGEST_MEMORY = 5.0  # ρ = tanh of it at most
+LONGEST_MEMORY, MEMORY_SETTLED = 5.0, 1e-9  # ρ = tanh of it at most, and the change of that at which its search ends
 NO_OTHER_LAGS = np.zeros((0, 4))
 # Ratios of two time constants that are held against the chosen shape, and record lengths of the longest τ2
 RATIOS_TRIED, LONGEST_RATIO = 24, 50.0
@@ -278,7 +278,9 @@ def lasting_variance(left: Array, jacobian: Array, directions: Array) -> Array:
         of_parameters = float(np.linalg.slogdet(product)[1])
         return float((count - k) * np.log(square) + of_parameters - np.log(1 - rho**2))
 
-    rho = float(np.tanh(minimize_scalar(unlikely, bounds=(0.0, LONGEST_MEMORY), method="bounded").x))
+    ends = (0.0, LONGEST_MEMORY)
+    found = minimize_scalar(unlikely, bounds=ends, method="bounded", options={"xatol": MEMORY_SETTLED})
+    rho = float(np.tanh(found.x))
     power = whitened(rho)[1] / max(count - k, 1) / (1 - rho**2)
     after = lfilter([0.0, rho], [1.0, -rho], directions, axis=0)  # what a sample adds to those behind it
     return np.asarray(power * ((directions**2).sum(axis=0) + 2 * (directions * after).sum(axis=0)))
