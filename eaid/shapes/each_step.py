@@ -60,7 +60,7 @@ def fit_single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, 
         shape = fit_step(alone, options)
         reach = lags_possible(alone, shape, options)
         shape = add_intervals(alone, shape, options, reach, tail)
-        found[k] = msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail))
+        found[k] = msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail if size))
         before = k
     return tuple(found[k] for k in range(len(steps)))
 
