@@ -19,7 +19,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from eaid.arrays import Array
 from eaid.estimate.scatter import USUAL, USUAL_TAU, scatter_about, scatter_of_singles
@@ -126,7 +125,7 @@ class Lines:
         total = float(parts.sum())
         if not 0 < total < np.inf:
             return total, 1.0
-        even = uniform_filter1d(parts / total, 2 * self.half + 1, mode="mirror")
+        even = (_smooth_lines(part / total, self.half) for part in parts)
         spread = sum(
             float((one**2 / left).sum()) / apart for one, apart, left in zip(even, self.apart, self.left, strict=True)
         )
@@ -154,8 +153,8 @@ def find_lines(piece: BinnedLog, r: Array, pull: Array) -> Lines:
     for k, w in enumerate(windows):
         F = np.fft.rfft(w[:, None] * piece.plain, size, axis=0)
         taken = ((F.conj() @ pull) * F).sum(axis=1).real / piece.rows / float(w @ w)
-        lefts[k] = np.maximum(1 - uniform_filter1d(taken, 2 * half + 1, mode="mirror"), LEAST_LEFT)
-        power[k] = uniform_filter1d(np.abs(np.fft.rfft(w * r, size)) ** 2, 2 * half + 1, mode="mirror") / lefts[k]
+        lefts[k] = np.maximum(1 - _smooth_lines(taken, half), LEAST_LEFT)
+        power[k] = _smooth_lines(np.abs(np.fft.rfft(w * r, size)) ** 2, half) / lefts[k]
     A = np.array([[float((w * w).sum()), float((w * w * T2).sum())] for w in windows])
     if abs(np.linalg.det(A)) < 1e-3 * A[0, 0] * A[1, 1]:  # the output hardly changes: one spectrum
         spectra = np.stack([power.sum(axis=0) / A[:, 0].sum(), np.zeros(power.shape[1])])
@@ -174,6 +173,13 @@ def find_lines(piece: BinnedLog, r: Array, pull: Array) -> Lines:
     seen = [w**2 * own for w, own in zip(windows, (np.ones(n), T2), strict=True)]
     apart = [float(v.sum() ** 2 / max(float(v @ v), 1e-300)) / size for v in seen]
     return Lines(lines, np.array(apart), lefts, half)
+
+
+def _smooth_lines(values: Array, half: int) -> Array:
+    """Mean over `half` lines to both sides, the spectrum mirrored at its ends; SciPy's takes long to import."""
+    mirrored = np.concatenate([values[half:0:-1], values, values[-2 : -half - 2 : -1]])
+    total = np.append(0.0, np.cumsum(mirrored))
+    return np.asarray((total[2 * half + 1 :] - total[: -2 * half - 1]) / (2 * half + 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from typing import TypeAlias
 
 import msgspec
 import numpy as np
+from scipy.linalg import solveh_banded
 from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
 
 from eaid.arrays import Array, inverse
 from eaid.estimate.scatter import bartlett_variance
@@ -282,5 +282,6 @@ def lasting_variance(left: Array, jacobian: Array, directions: Array) -> Array:
     found = minimize_scalar(unlikely, bounds=ends, method="bounded", options={"xatol": MEMORY_SETTLED})
     rho = float(np.tanh(found.x))
     power = whitened(rho)[1] / max(count - k, 1) / (1 - rho**2)
-    after = lfilter([0.0, rho], [1.0, -rho], directions, axis=0)  # what a sample adds to those behind it
-    return np.asarray(power * ((directions**2).sum(axis=0) + 2 * (directions * after).sum(axis=0)))
+    back = np.array([np.full(count, -rho), np.full(count, 1 + rho**2)]) / (1 - rho**2)  # the correlations' inverse
+    back[1, [0, -1]] = 1 / (1 - rho**2)
+    return np.asarray(power * (directions * solveh_banded(back, directions)).sum(axis=0))
