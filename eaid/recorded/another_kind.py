@@ -94,19 +94,18 @@ def choose_beside_gains(experiment: Experiment) -> Chosen:
 
 def fit_levels_each(chosen: Chosen, logs: Sequence[RecordedLog]) -> Chosen:
     """A plant whose lags are those of levels with a T_s each, as the clutch's are: runs differ in gain, and what one
-    gain for all leaves of that would bend them."""
-    solved, model, before = chosen.solved, chosen.solved.setup.model, chosen.solved.fitted
-    u = np.unique(np.concatenate([one.log.input[one.log.input > 0] for one in before.copies]))
-    if model.Ts is None or len(u) <= model.Ts.size:
-        return chosen
+    gain for all leaves of that would bend them; with the gain, and on the outputs, of the `logs` as recorded."""
+    model, before, x = chosen.solved.setup.model, chosen.solved.fitted, chosen.solved.x.copy()
     recorded = [replace(one.log, output=log.output) for one, log in zip(before.copies, logs, strict=True)]
-    again = setup_of(model, recorded, before.idle_free, before.dead_time_s, before.falls_as_left, before.extras)
-    solved = replace(solved, fitted=again)
-    each = fit_through(solved, PerLevel(tuple(u.tolist())))
-    x, own, of_each = solved.x.copy(), solved.fitted, each.fitted
-    x[model.Ts.size : own.shared] = each.x[len(u) : of_each.shared]
+    own = setup_of(model, recorded, before.idle_free, before.dead_time_s, before.falls_as_left, before.extras)
+    solved = replace(chosen.solved, fitted=own)
+    u = np.unique(np.concatenate([log.input[log.input > 0] for log in recorded]))
+    if model.Ts is not None and len(u) > model.Ts.size:
+        each = fit_through(solved, PerLevel(tuple(u.tolist())))
+        x[model.Ts.size : own.shared] = each.x[len(u) : each.fitted.shared]
     x = solve_gain(own, x)
-    return replace(chosen, solved=replace(solved, x=x, cost=own.problem().value(x)[0]))
+    solved = replace(solved, x=x, cost=own.problem().value(x)[0])
+    return replace(chosen, solved=solved, logs=tuple(recorded))
 
 
 def explains_more(other: Fit, lag: Chosen) -> bool:

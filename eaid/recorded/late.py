@@ -39,8 +39,8 @@ FAR_ROWS = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a 
 LOWER = 0.02
 FARTHEST_ROWS = 500  # … and this many are looked for
 DELAY_ROWS = 1_000_000  # Of a log, from its first on, by which its delay is looked for
-# Rows from which a delay is told, by whether the input is held. One that is held and changes between two rows is noted
-# half a row late, and so is one that moves between them, not from row to row
+# Rows from which a delay is told, by whether the input is held; of one that moves, a dead time. A held one that changes
+# between two rows is noted half a row late, and so is one that moves between them, not from row to row
 LATE_ROWS, BETWEEN_ROWS = {True: 0.5, False: 0.02}, 0.25
 PART_OF_ROW = 0.1  # From which a dead time behind an input that moves between its rows is looked for
 WHOLE_ROWS = 0.15  # So near to a whole row a delay is that

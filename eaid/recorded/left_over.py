@@ -78,7 +78,10 @@ def change_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding
     """Said where what a model leaves follows how the input has just changed: what delays the output is no dead time."""
     plant, theta_s, size, independent = plant_found(solved), solved.dead_time_s, 0.0, 0.0
     tau_s, sums = float(np.mean(plant.time_constants(max(plant.u_range))[0])), np.zeros((4, 4))
-    for log, y, r in zip(logs, solved.outputs, solved.missed, strict=False):
+    both = list(zip(solved.outputs, solved.missed, strict=True))
+    if sum(r @ r for _, r in both) < CHANGES_SEEN**2 * sum(len(y) * np.var(y) for y, _ in both):
+        return []
+    for log, (y, r) in zip(logs, both, strict=False):
         known, dt_s, u = np.isfinite(log.output), log.usual_s, acting_input(log, theta_s)
         lags = [(u, tau_s * part) for part in QUICKER] + [(log.input, theta_s)]
         late = [lagged(one[:, None], dt_s, max(tau, 1e-3 * dt_s))[known, 0] - one[known] for one, tau in lags]

@@ -1,6 +1,6 @@
 """Each change of input by itself, a step from level to level behind the tail of the one before it in its log; with 95 %
-intervals by its residuals as they are: what noise that remembers, a rest that still moved and that tail make of each
-number."""
+intervals by its residuals as they are: what noise that remembers, a second lag that it hides, a rest that still moved
+and that tail make of each number."""
 
 import math
 from collections.abc import Sequence
