@@ -10,6 +10,7 @@ Severity = Literal["stop", "caution", "note"]
 
 Values = Mapping[str, Any]
 SYMBOLS = {"Ts": "T_s", "tau1": "τ1", "tau2": "τ2"}  # Parameters as sentences write them; others by their names
+NUMBER_NAMES = {**SYMBOLS, "gain_below": "gain below rest", "omega": "ω", "zeta": "ζ", "dead_time_s": "dead time"}
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from eaid.findings import Finding, enumerated, merged, ranked, say
 from eaid.findings.finding import MOST_TOLD, WORD
-from eaid.findings.row import SYMBOLS
+from eaid.findings.row import NUMBER_NAMES, SYMBOLS
 from eaid.findings.sentences.fitting import kind_in_words
 from eaid.plant.steps import peak_of
 from eaid.results.common import Interval, ci95_of
@@ -30,8 +30,6 @@ MEANT = {
     "curve-misses-levels": " (it explains nothing there)",
     "signs-turned": " (the output counts with its sign turned)", "input-late": "", "runs-left-out": "",
 }  # fmt: skip
-# Numbers of a plant → how they are called
-NUMBER_NAMES = {**SYMBOLS, "gain_below": "gain below rest", "omega": "ω", "zeta": "ζ", "dead_time_s": "dead time"}
 # Estimates that stand as the nonlinear model
 USED = {"levels-first": "levels first, then the curves", "joint": "all levels at once, as in the paper, as you asked"}
 

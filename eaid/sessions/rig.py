@@ -185,9 +185,8 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
 
     @property
     def gives_today(self) -> bool:
-        """Whether a reference step makes a fit of today: not of a table, nor of a kind of plant of which it tells T_s
-        alone, nor where it tells of some levels only."""
-        return self.base is not None and bool(self.base.level_values) and not self.confounded
+        """Whether a reference step makes a fit of today: not of a table, nor where it tells of some levels only."""
+        return self.base is not None and not self.confounded
 
     @property
     def best_step(self) -> str:
@@ -199,8 +198,6 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         """What to record next."""
         if self.confounded:
             return "in each session a level of the others too, so that a reference step tells of all levels"
-        if self.base is not None and not self.gives_today:
-            return "in each new session the levels of these, then eaid compare: one step tells little of such a plant"
         return f"in each new session first a reference step at {self.best_step}, which is worth most"
 
     def lines(self) -> list[str]:

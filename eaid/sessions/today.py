@@ -18,8 +18,9 @@ from eaid.arrays import Array, best_gain, median
 from eaid.declared import given_options, part
 from eaid.errors import DataError
 from eaid.estimate.coefficients import CURVES_ORDER, with_intervals
+from eaid.estimate.scatter import bartlett_variance
+from eaid.estimate.spread import log_interval_of
 from eaid.findings import Finding, finding, ranked, stops
-from eaid.findings.sentences.fitting import kind_in_words
 from eaid.levels.workflow import fit_steps
 from eaid.options import FitOptions, ReadOptions
 from eaid.plant.forms import scales, terms
@@ -30,8 +31,9 @@ from eaid.results import models as parts
 from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
 from eaid.results.parameters import parameters_of
+from eaid.results.plant import FittedPlant, PlantIntervals, names_of
 from eaid.results.responses import LevelResponse, ResponseIntervals, responses_of
-from eaid.sessions.gather import MANY, RESPONSES, RIG_NAME, logs_of, told_together, values_of_fit
+from eaid.sessions.gather import MANY, RESPONSES, RIG_NAME, logs_of, of_another_plant, told_together, values_of_fit
 from eaid.sessions.model import NO_STEPS, KnownValues, Next, between, steps_known
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
@@ -69,12 +71,7 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
         raise DataError("the logs hold no step from rest, which a reference step is; record one, from rest to a level")
     if not len(steps["Ts"].y):
         raise DataError("no reference step has a T_s above 0; record one whose output rises")
-    rows = base.level_values
-    if not rows and base.plant_ is not None:
-        raise DataError(
-            f"the rig's plant is {kind_in_words(base.plant_.kind)}, of which a reference step tells T_s alone; fit the "
-            "logs of the new session, and hold them against the others with eaid compare"
-        )
+    rows = base.level_values or [row for _, row in of_another_plant(base)]
     levels, model = np.array([row.level for row in rows]), rig.main.model(rig.names)
     if not np.isin(model.part_at(steps["Ts"].level), model.part_at(levels)).any():
         there = ", ".join(f"{u:.4g}" for u in levels.tolist()) + f" {rig.input_unit}".rstrip()
@@ -139,18 +136,19 @@ def _fitted(base: Fit, steps: StepSet) -> Fit:
 
 def on_plant(base: Fit, shown: Fit, steps: StepSet) -> Fit:
     """A fit of steps with T_s of each level as the lags of a rig that is no clutch make it: its plant's response, with
-    the gain that is nearest to the step."""
+    the gain that is nearest to the step, known as the noise of what that leaves tells."""
     if (part := base.another_plant) is None or shown.friction is None:
         return shown
     means, rows = {level.level: (level.time_s, level.mean) for level in steps.levels}, []
     for row in shown.friction.levels:
         if row.from_ == 0 and row.Ts and row.level in means:
             time_s, y = means[row.level]
-            Ts = float(part.plant.steady(row.level)) * best_gain(from_rest(part.plant, time_s, row.level), y)
-            known = row.ci95
-            if known is not None and known.Ts is not None:
-                known = replace(known, Ts=(known.Ts[0] * Ts / row.Ts, known.Ts[1] * Ts / row.Ts))
-            row = replace(row, Ts=Ts, ci95=known)
+            f = from_rest(part.plant, time_s, row.level)
+            gain = best_gain(f, y)
+            moved = bartlett_variance(time_s, ((y - gain * f) * f)[:, None]).max() / max(float(f @ f), 1e-300) ** 2
+            Ts, sd_log = gain * float(part.plant.steady(row.level)), float(np.sqrt(moved)) / max(abs(gain), 1e-300)
+            ends = LevelIntervals(log_interval_of(Ts, sd_log**2, np.inf))
+            row = replace(row, Ts=Ts, ci95=ends if row.ci95 is None else replace(row.ci95, Ts=ends.Ts))
         rows.append(row)
     return replace(shown, friction=replace(shown.friction, levels=tuple(rows)))
 
@@ -197,8 +195,8 @@ def _today_findings(rig: Rig, steps: KnownValues, foreseen: NextByName) -> list[
         if not low <= np.exp(y) <= high:
             value = float(np.exp(y))
             found.append(finding("step-outside", "sessions", [level], value=value, unit=one.unit, low=low, high=high))
-    lag = rig.base is not None and rig.base.plant_ is not None and rig.base.plant_.kind == "lag"
-    names = ("tau1",) if lag else ("tau1", "tau2")
+    part = None if rig.base is None else rig.base.another_plant
+    names = ("tau1", "tau2") if part is None else names_of(part.plant)
     kept = tuple(name for name in names if name not in foreseen)
     return [*found, finding("kept-from-base", "sessions", parameters=kept)] if kept else found
 
@@ -248,9 +246,10 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
         blocks[name] = turn @ foreseen[name].covariance @ turn.T
     foretold = tuple(zip(levels.tolist(), foreseen["Ts"].value.tolist(), strict=True))
     through = foretold if plant.Ts_through else ()
-    if base.plant_ is not None:
-        each = foretold if base.plant_.Ts_levels else ()
-        base = replace(base, plant_=replace(base.plant_, ci95=None, Ts_through=through, Ts_levels=each, **curves))
+    if (part := base.plant_) is not None:
+        each = foretold if part.Ts_levels else ()
+        known = _of_another_kind(part, rows, foreseen) if part.another else None
+        base = replace(base, plant_=replace(part, ci95=known, Ts_through=through, Ts_levels=each, **curves))
     if model is None:
         return base
     own_curves = {name: getattr(model, name) for name in CURVES_ORDER} | curves
@@ -260,6 +259,17 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
     shown = [parts.CurveLevel(u, **values, ci95=LevelIntervals(**ends)) for u, values, ends in by_level]
     degrees = {name: median(foreseen[name].dof) if name in foreseen else MANY for name in CURVES_ORDER}
     return replace(base, nonlinear=with_intervals(plain, shown, block_diag(*blocks.values()), degrees))
+
+
+def _of_another_kind(part: FittedPlant, rows: Sequence[Any], foreseen: NextByName) -> PlantIntervals:
+    """The intervals of a plant that is no clutch: of T_s, and τ1, the next session's, the others those of the base."""
+    before, by_level = part.ci95 or PlantIntervals(), dict[str, tuple[tuple[float, float, float], ...]]()
+    for name in ("Ts", "tau1"):
+        if (one := foreseen.get(name)) is not None:
+            by_level[name] = tuple((row.level, *ends) for row, ends in zip(rows, one.ends.T.tolist(), strict=True))
+    top, low, high = by_level["Ts"][-1]
+    tau1 = by_level["tau1"][-1][1:] if "tau1" in by_level else before.tau1
+    return replace(before, gain=(low / top, high / top), tau1=tau1, levels={**before.levels, **by_level})
 
 
 def _with_linear(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:

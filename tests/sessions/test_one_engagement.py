@@ -5,20 +5,24 @@ from typing import Any
 import numpy as np
 import pandas
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 
 import eaid
+from eaid.estimate.draw import draw as draw_plants
 
 T = np.arange(0, 60, 0.01)
 
 
-def recording(gain: float, seed: int, level: float | None = None) -> pandas.DataFrame:
+LAG = cont2discrete(([1.0], [0.3, 1]), 0.01, method="zoh")[:2]  # τ 0.3 s
+RINGS = cont2discrete(([16.0], [1, 2.4, 16.0]), 0.01, method="zoh")[:2]  # ω 4 rad/s, ζ 0.3
+
+
+def recording(gain: float, seed: int, level: float | None = None, rig: Any = LAG) -> pandas.DataFrame:
     """Random steps in volts, or one step to a level."""
     draw = np.random.default_rng(seed)
     u = draw.choice([50.0, 100.0, 200.0, 300.0], 60)[(T / 1.1).astype(int)] * ((T > 2) & (T < 56))
     u = u if level is None else np.where((T > 2) & (T < 12), level, 0.0)
-    keep = np.exp(-0.01 / 0.3)
-    y = gain * 0.05 * lfilter([1 - keep], [1, -keep], np.append(0.0, u[:-1])) + 0.02 * draw.standard_normal(len(T))
+    y = gain * 0.05 * lfilter(np.ravel(rig[0]), rig[1], u) + 0.02 * draw.standard_normal(len(T))
     return pandas.DataFrame({"time (s)": T, "input (V)": u, "force (N)": y})
 
 
@@ -47,3 +51,16 @@ def test_today_of_one_lag_has_the_gain_of_its_step(fits: dict[float, Any]) -> No
     assert today.linear.b0 == pytest.approx(0.9 * 0.05 / 0.3, rel=0.05)
     (low, high) = next(row.ci95.B for row in today.linear.per_level if row.level == 200)
     assert low < 0.3 / (0.9 * 0.05) < high
+
+
+def test_today_of_a_rig_that_rings_has_the_gain_of_its_step() -> None:
+    """It was refused; and the step's own T_s was that of a clutch, known to 24 % for 9."""
+    rig = eaid.sessions([eaid.fit(recording(gain, k, rig=RINGS)) for k, gain in enumerate((1.0, 1.04, 0.8, 1.3))])
+    assert rig.gives_today and "reference step" in rig.advice
+    today = eaid.today(rig, eaid.read(recording(0.9, 9, level=200.0, rig=RINGS)))
+    (value, (low, high)), kept = today.plant_.at(200.0)["Ts"], [one.code for one in today.findings]
+    assert today.plant_.kind == "ringing" and low < 9.0 < high and high / value < 1.12
+    assert today.plant_.numbers["omega"] == rig.base.plant_.numbers["omega"] and "kept-from-base" in kept
+    spread = np.std(np.log([float(one.steady(200.0)) for one in draw_plants(today, 200, 0).plants]))
+    assert spread == pytest.approx(np.log(high / low) / 3.92, rel=0.2)
+    assert len(eaid.tune_rc(today).params) > 0

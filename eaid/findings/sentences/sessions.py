@@ -1,7 +1,7 @@
 """Sentences about sessions, several mountings of one rig, and about plans of the next."""
 
 from eaid.errors import on_command_line
-from eaid.findings.row import SYMBOLS, Row, Values, caution, note
+from eaid.findings.row import NUMBER_NAMES, Row, Values, caution, note
 from eaid.findings.sentences.fitting import kind_in_words
 
 
@@ -21,7 +21,8 @@ def _one_of_several(v: Values) -> str:
 
 
 def _kept(v: Values) -> str:
-    names = " and ".join(SYMBOLS.get(one, one) for one in v["parameters"])
+    *others, last = (NUMBER_NAMES.get(one, one) for one in v["parameters"])
+    names = f"{', '.join(others)} and {last}" if others else last
     return f"fewer than three sessions determine {names}: as in the session with the most levels"
 
 
