@@ -50,7 +50,8 @@ def aligned(rows: Sequence[Sequence[str]], numeric: Sequence[bool], width: int |
         widths[widest] -= 1
     lines = []
     for row in rows:
-        cells = [textwrap.wrap(cell, size, break_on_hyphens=False) for cell, size in zip(row, widths, strict=True)]
+        sizes = (size + len(cell) - _letters(cell) for cell, size in zip(row, widths, strict=True))
+        cells = [textwrap.wrap(cell, size, break_on_hyphens=False) for cell, size in zip(row, sizes, strict=True)]
         for parts in itertools.zip_longest(*cells, fillvalue=""):
             pads = [" " * (size - _letters(part)) for part, size in zip(parts, widths, strict=True)]
             padded = (p + s if right else s + p for s, p, right in zip(parts, pads, numeric, strict=True))

@@ -8,10 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array, median, read_only
+from eaid.arrays import Array, median, read_only, white_squares
 from eaid.logs.run import Beside, Run
 from eaid.plant.drive import ROW_NUMBER, Drive, moved_rows
 from eaid.steps.noise import sample_noise
+from eaid.steps.plateaus import plateaus, stands_still
 from eaid.steps.step import GAP_ROWS
 from eaid.steps.stepset import StepSet
 
@@ -23,6 +24,8 @@ NOISY_REST = 5e-3  # An input below rest by this part of its largest, or …
 NOISY = 6.0  # … so many deviations of its noise …
 NOISY_REST_MOST = 0.05  # … up to this part, is a noisy rest, …
 AROUND = 1.5  # … and what is nearer to rest than so many times that is at rest too
+# Of an input that stands still but for its noise: what part of this is white, and how far it may go with the output
+MOSTLY_WHITE, MOST_ANSWERED = 0.8, 0.1
 # Of an output whose sensor ends: different values, and rows at the largest; how many times more these are than those at
 # a value next to it; and the part of its range by which it comes there in one row
 FEWEST_VALUES, FEWEST_AT_LIMIT, TIMES_MORE, LEAST_JUMP = 100, 20, 10, 1e-4
@@ -130,7 +133,7 @@ class RecordedLog:
 def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
     """A run of the reader as a recorded log: input counted from rest; one that only falls below it is turned up, unless
     the output falls with it."""
-    level = run.input - rest
+    level = run.input - rest if run.reference_nm is not None else hold_measured(run.input - rest, run.output)
     if level.min() < 0 and level.max() <= NOISY_REST_MOST * -level.min():
         falls = float(np.nansum((level - level.mean()) * (run.output - np.nanmean(run.output)))) > 0
         level = level if falls else -level
@@ -145,6 +148,28 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
         return log
     output, limit = np.where(there, np.nan, run.output), float(np.nanmax(run.output))
     return replace(log, output=read_only(output), limit=limit, at_limit_pct=100 * float(there.mean()))
+
+
+def hold_measured(level: Array, output: Array) -> Array:
+    """An input that stands still but for white noise, as one that was measured does, at what it stands still at: each
+    row's noise would be taken for an input; itself where it moves, or answers the noise of the output."""
+    noise = sample_noise(level)
+    if noise == 0.0 or not stands_still(holds := plateaus(level), level):
+        return level
+    means = np.array([float(level[one.start : one.stop].mean()) for one in holds])
+    weights, order = np.array([float(one.count) for one in holds]), np.argsort(means)
+    group = np.empty(len(means), dtype=np.intp)
+    group[order] = np.cumsum(np.diff(means[order], prepend=means[order[0]]) > noise)  # those all but alike are one
+    same = np.bincount(group, weights * means) / np.bincount(group, weights)
+    same[np.abs(same) <= noise] = 0.0
+    held, still = level.copy(), np.zeros(len(level), dtype=bool)
+    for one, value in zip(holds, same[group].tolist(), strict=True):
+        held[one.start : one.stop], still[one.start : one.stop] = value, True
+    off, rows = level - held, np.flatnonzero(still[1:] & still[:-1] & np.isfinite(output[1:] - output[:-1]))
+    new, answered = np.diff(off)[rows], np.diff(output)[rows]
+    size = float(np.linalg.norm(new) * np.linalg.norm(answered))
+    answers = size > 0 and abs(float(new @ answered)) > MOST_ANSWERED * size
+    return level if answers or white_squares(off[still]) < MOSTLY_WHITE * float(off[still] @ off[still]) else held
 
 
 def at_limit(output: Array) -> NDArray[np.bool_]:

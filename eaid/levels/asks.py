@@ -3,6 +3,7 @@
 import numpy as np
 
 from eaid.arrays import median
+from eaid.logs.units import UNKNOWN, unit_of
 from eaid.results.fit import Fit
 
 MEETS = ("tau2-meets-tau1", "tau1-floor")  # Constraints that hold two lags which are one
@@ -23,10 +24,15 @@ def asks_for_one_lag(result: Fit) -> bool:
 
 
 def never_slow(result: Fit) -> bool:
-    """Whether the slow lag has no end at any level: the records show one lag, and T_s over C is seen nowhere."""
-    part = result.nonlinear
+    """Whether the slow lag has no end at any level, or of an output that no friction makes comes behind all records:
+    these show one lag, and T_s over C is seen nowhere."""
+    part, data = result.nonlinear, result.data
+    if part is None or any(row.ci95 is not None and row.ci95.tau2 is not None for row in part.curves):
+        return False
+    beyond = all((row.tau2 or 0.0) > max(data.record_s, default=np.inf) for row in part.curves)
+    of_friction = data.output_unit == UNKNOWN or unit_of(data.output_unit).quantity in ("torque", "force")
     endless = any(one.values.get("constraint") == "tau2-endless" for one in result.findings)
-    return endless and part is not None and all(row.ci95 is None or row.ci95.tau2 is None for row in part.curves)
+    return endless or (beyond and not of_friction)
 
 
 def nearly_alike(result: Fit) -> bool:

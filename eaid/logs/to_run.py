@@ -181,7 +181,7 @@ def alternates(input_: Array, output: Array, level: float | None) -> bool:
     if level is not None:
         still = (np.abs(size - level) <= SEEN_ALIKE * level) | (size <= SEEN_ALIKE * level)
         return float(still.mean()) >= ALTERNATES
-    if np.count_nonzero(np.abs(np.diff(size)) > SEEN_ALIKE * size.max()) > HELD_PART * turns:
+    if np.ptp(size) == 0 or np.count_nonzero(np.abs(np.diff(size)) > SEEN_ALIKE * size.max()) > HELD_PART * turns:
         return False
     by_size, by_sign = (float(np.corrcoef(one, output)[0, 1]) for one in (size, input_))
     return by_size > GOES_WITH[1] and abs(by_sign) < GOES_WITH[0]

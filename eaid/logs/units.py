@@ -76,6 +76,7 @@ _BRACKETED = re.compile(r"^(.*?)\s*[\[({]\s*([^\])}]*?)\s*[\])}]\s*$")
 _INDEXED = re.compile(r"\S\[\d+\]$|[\[({]\s*(?:\d\d+|[02-9])\s*[\])}]$")  # ai0[1], Torque (2); `duty [1]` is a unit
 _RATE = re.compile(r"^(.*?)(?:_|\.|\s+in\s+|,\s*|\s+)([^\s_/,.]+/[^\s_/,.]+)$")
 DRIVING = {"duty", "voltage", "current", "force", "pressure", "speed"}  # Quantities that an input may be of
+STAY = {"degC", "degF", "deg", "°C", "°", "mm"}  # Units that stay as they are, which end a name as others do
 LINEAR_SPEED = re.compile(r"^(um|µm|mm|cm|m|in|ft)/(s|sec|min|h)$")
 _SUFFIX = re.compile(r"^(.*?)(?:_|\.|\s*/\s*|\s+in\s+|,\s*|\s+)([^\s_/,.]+)$")
 _CAMEL = re.compile(r"^(.*[a-z])((?:[A-Z][a-z]*)+|%)$")
@@ -115,7 +116,7 @@ def split_name(name: str) -> tuple[str, str]:
     for written in (_RATE, _SUFFIX):  # speed_rad/s is no speed_rad in s
         match = written.match(name)
         known = match and unit_of(match.group(2)).quantity and match.group(2) not in ("1", "-")
-        if match and match.group(1) and (known or LINEAR_SPEED.match(match.group(2))):
+        if match and match.group(1) and (known or LINEAR_SPEED.match(match.group(2)) or match.group(2) in STAY):
             return match.group(1).strip(" _/."), match.group(2)
     match = _CAMEL.match(name)  # TorqueMnm, dutyPct, ForceN
     if match:

@@ -11,12 +11,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from eaid.arrays import best_gain, white_squares
+from eaid.arrays import best_gain, median, white_squares
 from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, add_rest, logs_of_steps
 from eaid.findings import merged, ranked
-from eaid.levels.asks import asks_for_one_lag
+from eaid.levels.asks import asks_for_one_lag, never_slow
 from eaid.levels.from_steps import ENDLESS_RECORDS
 from eaid.levels.release import release_of
 from eaid.levels.workflow import usual_idle
@@ -38,12 +38,16 @@ from eaid.steps.stepset import StepSet, as_late
 REST_ROWS = 20  # Before a step
 OF_PLANT = ("kind-by-evidence", "dead-time", "levels-scatter", "output-levels-off")  # Which go with a plant
 # No step has its shape
-OF_SHAPES = {"dead-time", "input-late", "other-shape-fits-better", "shape-misses", "step-leaves-open"}
+OF_SHAPES = {
+    "dead-time", "input-late", "other-shape-fits-better", "shape-explains-little", "shape-misses", "step-leaves-open"
+}  # fmt: skip
 SURELY_BETTER = 0.9  # Score of another kind over that of one lag, from which on it is taken for that
 FAR_BETTER = 0.7  # Of what the clutch leaves, another kind leaves this much at most to be taken: half of the squares
 FAR_OFF_PCT = 3.0  # Of the fit that one lag lacks, from which on it is not asked again
 AS_WELL_PCT = 1.0  # Of the fit that another kind may lose against two lags that meet
-AS_WELL_SHAPED = 1.1  # What it leaves of the steps' shapes over what these leave, at most
+# What it leaves of the steps' shapes over what these leave, at most; and beside a slow part that comes at no level, as
+# that imitates a drift
+AS_WELL_SHAPED, AS_WELL_ALONE = 1.1, 3.0
 MUST_EXPLAIN_PCT = 80.0  # Of steps that another kind has to explain before it takes the clutch's place
 
 
@@ -104,7 +108,7 @@ def fit_levels_each(chosen: Chosen, logs: Sequence[RecordedLog]) -> Chosen:
         each = fit_through(solved, PerLevel(tuple(u.tolist())))
         x[model.Ts.size : own.shared] = each.x[len(u) : each.fitted.shared]
     x = solve_gain(own, x)
-    solved = replace(solved, x=x, cost=own.problem().value(x)[0])
+    solved = replace(solved, x=x, cost=own.problem().value(x)[0], levels_each=True)
     return replace(chosen, solved=solved, logs=tuple(recorded))
 
 
@@ -136,13 +140,12 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
         return False
     whole, shapes = ([explained_pct(one, logs, own_gains) for one in (other, fit)] for own_gains in (False, True))
     as_well = part.plant.kind == "lag" and whole[0] >= whole[1] - AS_WELL_PCT
-    as_well = as_well and 100 - shapes[0] <= AS_WELL_SHAPED * (100 - shapes[1])
+    as_well = as_well and 100 - shapes[0] <= (AS_WELL_ALONE if never_slow(fit) else AS_WELL_SHAPED) * (100 - shapes[1])
     swings = part.plant.kind in ("ringing", "series", "overshoot")
     left, of_clutch = subtract_white_noise(((100 - shapes[0]) ** 2, (100 - shapes[1]) ** 2), noise_pct(logs) ** 2)
     far_better = swings and left <= FAR_BETTER**2 * of_clutch
-    explains = (
-        whole[0] >= MUST_EXPLAIN_PCT or min(explained_pct(other, [log], True) for log in logs) >= MUST_EXPLAIN_PCT
-    )
+    each = [explained_pct(other, [log], True) for log in logs]  # of a low level noise may hide the shape
+    explains = max(whole[0], median(each)) >= MUST_EXPLAIN_PCT
     return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
 
 

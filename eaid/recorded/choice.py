@@ -52,6 +52,7 @@ from eaid.recorded.inputs import (
 from eaid.recorded.kinds import (
     LAG_KINDS,
     PRICE,
+    SLOW_PART,
     LagKind,
     Search,
     Tried,
@@ -90,6 +91,8 @@ DEFAULT_SAVES, DEFAULT_CHANCE = 0.01, 0.1
 # A free C from which one beyond 1 is tried, with which that begins, and how many times slower its slow part is
 AT_ONE, OVERSHOOTS, TWICE_SLOWER = 0.999, 1.2, (5.0, 15.0)
 SLOW_SHOWN = 100.0  # Times τ1 that a log has to last before it shows a slow part, if there is one
+# The same, before one that never comes is doubted; and times τ1 up to which a slow part is the fast one
+SLOW_COMES, TWICE = 30.0, 2.0
 FAR_LESS = 0.7  # Squares over those of the clutch, up to which an overshoot explains far more: drifts imitate others
 DRIFT_ROUNDS = 3  # In which drifts of gains are found
 KNOTS, MOST_KNOTS = 9, 17  # Values through which T_s(u) goes where no cubic does …
@@ -156,11 +159,35 @@ class Searched:
 
 
 def choose_plant(experiment: Experiment) -> Chosen:
-    """The plant of the logs, without a creep of their outputs where they show one; loops and steps are not asked."""
+    """The plant of the logs, without a creep of their outputs where they show one; loops and steps are not asked. A
+    slow part that comes nowhere within them is a creep's beside one lag, where that explains the logs as well."""
     chosen, logs = _choose_plant(experiment), experiment.logs
     steps = len(logs) > 1 and any(log.of_one_level for log in logs)  # whose slow part is a drift, too
     if steps or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
+    if chosen.searched is not None and never_comes(chosen.solved, experiment.inputs):
+        lag = next(one.kind.name for one in chosen.searched.rows if one.kind.law == "lag")
+        other = _choose_behind_creep(experiment, replace(choose_kind(chosen.searched, lag), clutch=None))
+        if not never_comes(other.solved, experiment.inputs) and other.solved.cost <= AS_WELL * chosen.solved.cost:
+            return other
+    return _choose_behind_creep(experiment, chosen)
+
+
+def never_comes(solved: Solved, inputs: Excited) -> bool:
+    """Whether the slow part of two lags in parallel comes within the logs at less than half of the inputs, though they
+    are long beside its fast one; of another kind than the clutch's form whether it outlasts them nearly."""
+    p, u, longest_s = plant_found(solved), inputs.shown, solved.fitted.longest_s
+    tau1, tau2 = p.time_constants(u)
+    if p.kind != "parallel" or longest_s < SLOW_COMES * float(np.max(tau1)):
+        return False
+    most_s = longest_s * (1.0 if solved.fitted.model.kind == "parallel" else SLOW_PART)
+    return bool(2 * np.count_nonzero((tau2 < most_s) & (tau2 > TWICE * tau1)) < len(u))
+
+
+def _choose_behind_creep(experiment: Experiment, chosen: Chosen) -> Chosen:
+    """The plant of the logs without a creep, a drift of their gains, or gains of engagements beside one that was
+    chosen."""
+    logs = experiment.logs
     gains = find_gain_drift(chosen.tried)
     creeps = np.zeros(0) if chosen.clutch is None else find_far_creeps(chosen.clutch, chosen.logs, gains)
     if gains is not None and not creeps.any():
@@ -289,13 +316,13 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
     logs leave its T_s open, or far beyond what they have reached."""
     rows, inputs = searched.rows, searched.experiment.inputs
     own = next(one for one in rows if one.kind.name == "clutch")
-    first = rows[0]
+    first, comes = rows[0], not never_comes(own.solved, inputs)
     if own is first and searched.experiment.options.duty is None:
         simple = next(one for one in rows if one is not own)
         explains = simple.cost <= LEFT_BY_KIND * sum(map(squares_about_mean, searched.search.logs))
         well = simple.cost <= AS_WELL * own.cost
         if (explains and lies_beyond_outputs(own.solved, inputs)) or (
-            well and not tells_curves(own.solved, inputs, False)
+            well and not (comes and tells_curves(own.solved, inputs, False))
         ):
             first = simple
     if own is not first:
@@ -305,7 +332,8 @@ def rank_beside_clutch(searched: Searched) -> list[Tried]:
         same_form = parallel and own.cost <= first.cost + AS_MUCH * PRICE * noise  # with another C
         by_noise = noise_saves(first.solved, more, DEFAULT_CHANCE) if more > 0 else 0.0
         better = own.cost < first.cost - max(DEFAULT_SAVES * first.cost, by_noise)
-        if (same_form or better) and own.solved.solver.converged and tells_curves(own.solved, inputs, not better):
+        told = comes and own.solved.solver.converged
+        if (same_form or better) and told and tells_curves(own.solved, inputs, not better):
             first = own
     # noise that goes round a loop bends what has no instruments
     if searched.experiment.of_loops:

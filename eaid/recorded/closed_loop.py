@@ -18,9 +18,11 @@ from eaid.arrays import Array, median
 from eaid.control.pi import PIGains
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
+from eaid.levels.creep import share_is_told
 from eaid.options import RigExtras
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
+from eaid.recorded.choice import free_share
 from eaid.recorded.from_logs import Solved, idle_found, plant_found, with_dead_time
 from eaid.recorded.late import follows_output
 from eaid.recorded.log_intervals import spread
@@ -110,6 +112,21 @@ def refit_by_instruments(base: Solved, logs: Sequence[RecordedLog]) -> Solved:
     if late is None or late.x[at] < SHOWN * spread(late).of(np.eye(len(late.x))[at]):
         return found
     return late
+
+
+def free_share_by_instruments(found: Solved, logs: Sequence[RecordedLog]) -> tuple[Solved, float] | None:
+    """A fit by instruments with C as an unknown, begun at the direct one, and the half-width of C, where they reject
+    the one that was held and tell another; None where they do not."""
+    held = found.fitted.model
+    if found.instruments is None or held.kind != "parallel" or held.share is None:
+        return None
+    laws = [law and law[0] for law in map(law_behind, logs)]
+    free = _by_instruments(free_share(replace(found, instruments=None), held.share), logs, laws)
+    if free is None:
+        return None
+    half = spread(free).of(np.eye(len(free.x))[held.size])
+    C = float(free.x[held.size])
+    return (free, half) if abs(C - held.share) > half and share_is_told(C - half, C + half) else None
 
 
 def _by_instruments(base: Solved, logs: Sequence[RecordedLog], laws: Sequence[PIGains | None]) -> Solved | None:

@@ -28,6 +28,7 @@ from eaid.levels.nonlinear import with_errors
 from eaid.levels.unseen import judge_unseen
 from eaid.logs.run import Run
 from eaid.options import FitOptions
+from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import PerLevel
 from eaid.plant.respond import from_rest, respond
 from eaid.recorded.choice import (
@@ -38,7 +39,7 @@ from eaid.recorded.choice import (
     mark_resting_start,
     set_up_above_idle,
 )
-from eaid.recorded.closed_loop import judge_loops, refit_by_instruments
+from eaid.recorded.closed_loop import free_share_by_instruments, judge_loops, refit_by_instruments
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
 from eaid.recorded.engagements import FEWEST_ENGAGEMENTS, log_that_differs
@@ -374,8 +375,13 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         code = "idle-not-seen" if model.kind == "parallel" else "rest-not-seen"
         findings += [finding(code, log.name) for log in logs]
     if experiment.of_loops:
-        direct_s = chosen.solved.dead_time_s
-        chosen = replace(chosen, solved=refit_by_instruments(chosen.solved, chosen.logs))
+        direct_s, solved = chosen.solved.dead_time_s, refit_by_instruments(chosen.solved, chosen.logs)
+        if options.share == SHARE and (free := free_share_by_instruments(solved, chosen.logs)) is not None:
+            solved, half = free
+            C = float(solved.coefficients[-1])
+            said = {"held": SHARE, "C": C, "low": C - half, "high": C + half}
+            findings.append(finding("share-by-evidence", "nonlinear", (), **said))
+        chosen = replace(chosen, solved=solved)
         if (theta_s := chosen.solved.dead_time_s) > direct_s:
             findings += [finding("dead-time", log.name, dead_time_s=theta_s) for log in logs]
     base, over = chosen.solved, replace(experiment, inputs=experiment.inputs.over(model.low, model.high))

@@ -382,6 +382,7 @@ class Solved:
     instruments: tuple[Drive, ...] | None = None
     # Where the engagements of its logs have gains of their own: the fit to logs without these, with the same unknowns
     beside: "Solved | None" = None
+    levels_each: bool = False  # Whether its lags are those of levels with a gain each, its gain that behind these
 
     @property
     def setup(self) -> Setup:

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from eaid.arrays import Array
+from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.scatter import USUAL, USUAL_TAU, scatter_about, scatter_of_singles
 from eaid.estimate.spread import Influence, free_inverse, t_quantile
 from eaid.recorded.engagements import (
@@ -281,13 +281,22 @@ def spread_by_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Sp
         return plain
     setup, x, first = solved.setup, solved.x, solved.setup.model.slices[0].stop
     units = np.where(x[first:] != 0, np.abs(x[first:]), 1.0)  # logarithms, but for what is 0
-    curvature, along, own = np.zeros((setup.size, setup.size)), [], []
+    H, along, own = np.zeros((2, setup.size, setup.size)), [], []  # of one gain curve; of levels with a gain each
     for k in range(len(levels)):
         J, root = setup.jacobian(x, k)[0], np.sqrt(float(setup.drives[k].w.max()))
         own.append(np.column_stack([solved.outputs[k] + solved.missed[k], J[:, first:] / root * units]))
-        curvature += J.T @ J
-        along.append(own[-1].T @ J * root)
-    pull = free_inverse(curvature, setup.problem().A[solved.active])
+        f = own[-1][:, 0]
+        each = J - np.outer(f, f @ J) / max(float(f @ f), 1e-300)
+        H += J.T @ J, each.T @ each
+        along.append([own[-1].T @ J * root, own[-1].T @ each * root])
+    held, answers = setup.problem().A[solved.active], np.array(along)
+    gain = answers[:, 0] @ free_inverse(H[0], held)
+    if solved.levels_each:  # the lags answer so, the gain to what they leave of its levels
+        of_lags = answers[:, 1, :, first:] @ free_inverse(
+            H[1, first:, first:], setup.problem().A[solved.active, first:]
+        )
+        of_gain = (answers[:, 0, :, :first] - of_lags @ H[0, first:, :first]) @ scaled_inverse(H[0, :first, :first])
+        gain = np.concatenate([of_gain, of_lags], axis=2)
     if max(len(level.runs) for level in levels) > 1:
         seen = scatter_about(levels, own)
     else:
@@ -295,4 +304,4 @@ def spread_by_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Sp
         terms = np.array([first, *np.repeat(lags, lags), *np.ones(len(x) - first - sum(lags))])
         usual = np.array([USUAL, *np.full(len(x) - first, USUAL_TAU)])
         seen = scatter_of_singles(levels, own, terms, usual)
-    return replace(plain, runs=Influence(np.array(along) @ pull, seen, np.zeros((0, setup.size)), 0.0))
+    return replace(plain, runs=Influence(gain, seen, np.zeros((0, setup.size)), 0.0))

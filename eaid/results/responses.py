@@ -6,10 +6,11 @@
 
 Each is measured in every run, on means over so many samples that white noise is left at 1 % of the held output (the
 peak: over a fiftieth of the record, at the instant where the mean of the runs has it). A time is how long the output is
-short of its mark, so that noise about the mark cancels. The value is the mean of the runs; its 95 % interval is by
-Student's t from what runs differ, as a share: of times those of the level itself, of outputs those of all levels. A
-model would not do here: fitted curves that rise have no peak. On synthetic runs (three of a level, 150 sets) intervals
-held the noiseless value in 93 to 95 % (held), 87 to 93 % (engaged) and 95 to 99 % (released).
+short of its mark until it first is well beyond it, so that noise about the mark cancels. The value is the mean of the
+runs; its 95 % interval is by Student's t from what runs differ, as a share: of times those of the level itself, of
+outputs those of all levels. A model would not do here: fitted curves that rise have no peak. On synthetic runs (three
+of a level, 150 sets) intervals held the noiseless value in 93 to 95 % (held), 87 to 93 % (engaged) and 95 to 99 %
+(released).
 """
 
 import math
@@ -116,14 +117,18 @@ def _measured(level: Level, release: Level | None) -> dict[str, Array]:
 
 
 def _below(time: Array, output: Array, wanted: float, held: float) -> float:
-    """How long the output is below a value, up to the middle of its crossings by noise [s]; NaN: to the end."""
+    """How long the output is below a value until it first is well beyond it, up to the middle of its crossings by noise
+    [s]; NaN: to the end."""
     if not held > 0 or output[-max(1, len(output) // 10) :].mean() < wanted:
         return math.nan
     tail = np.diff(output[-max(2, len(output) // 10) :])
     noise = float(tail.std()) / math.sqrt(2) if len(tail) > 1 else 0.0
     width = min(max(1, math.ceil((noise / (NOISE * held)) ** 2)), max(1, len(output) // 20))
     lasts = np.diff(time, append=2 * time[-1] - time[-2])
-    return float(lasts[moving_means(output[None], width)[0] < wanted].sum())
+    smooth = moving_means(output[None], width)[0]
+    beyond = np.flatnonzero(smooth >= (wanted + held) / 2)  # what rings comes below it again
+    first = int(beyond[0]) if len(beyond) else len(smooth)
+    return float(lasts[:first][smooth[:first] < wanted].sum())
 
 
 def _pooled_spread(measured: list[dict[str, Array]], name: str) -> tuple[float, float]:

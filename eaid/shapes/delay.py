@@ -40,6 +40,7 @@ SAVED = 0.1  # Part of the RMSE that a dead time has to save at a level
 LEVELS_ASKED = 10  # Levels that are asked
 START_ROWS, LEAST_LATE_PART = 0.5, 0.01  # Rows, and part of the time constant of the rise, from which a start is told
 SAMPLED_ROWS = 0.25  # The same of an input noted late, which is so by half a row where it was sampled
+MOST_LOST = 5.0  # Time constants of the rise, or a row, by which an input may be noted late
 TOLD_WHOLE = 0.75  # From which on it is told as whole rows
 COARSE_PART = 0.05  # Of the rise to half, from which a row is looked at for that
 # By which the runs' scatter may explain it; where the input looks as if it was noted late, which is likelier
@@ -170,7 +171,8 @@ def _judge_starts(found: Array, levels: Sequence[Level], chance: float = START_C
     theta, weight, tau = found.T
     (mean, reach), row_s = _mean(theta, weight, levels, chance), usual_row_s(levels)
     least_rows = START_ROWS if mean > 0 else SAMPLED_ROWS
-    if abs(mean) < max(least_rows * row_s, LEAST_LATE_PART * median(tau), reach):
+    lost = -mean > max(MOST_LOST * median(tau), row_s)  # of a rise that began so early none is left to tell it
+    if abs(mean) < max(least_rows * row_s, LEAST_LATE_PART * median(tau), reach) or lost:
         return Begin()
     if mean > 0:
         return _begin_late(mean, reach)

@@ -124,3 +124,8 @@ def test_every_table_fits_the_terminal(name, rig, terminal, run_eaid):
     told = ran.out + "".join(line for line in ran.err.splitlines(True) if "\x1b[" not in line)
     assert [line for line in told.splitlines() if len(line) > 80 + line.count("\u0302")] == []
     assert ran.code == 0 and set(ran.out.split()) <= known
+
+
+def test_a_letter_with_a_hat_is_as_wide_as_one_without():
+    """`B̂ 0.0019, φ 343` was broken in a pipe, where nothing is."""
+    assert len(console.aligned([("gains",), ("K_P 74.6, B̂ 0.0019, φ 343",)], [False], None)) == 2

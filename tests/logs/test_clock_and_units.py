@@ -8,6 +8,7 @@ import pytest
 from logs_written import frame, text
 
 import eaid
+from eaid.logs.units import split_name
 
 T = np.arange(60.0) / 10
 STEP = np.where(np.arange(60) >= 30, 1.0, 0.0)
@@ -253,3 +254,8 @@ def test_a_reference_is_read_in_its_own_unit_or_that_of_the_output():
     assert read("reference", units={"reference": "kN·m"}) == 1e6
     with pytest.raises(eaid.DataError, match=r"its reference, reference_N, is in N, its output in N·m"):
         read("reference_N")
+
+
+@pytest.mark.parametrize("name", ["temperature_degC", "angle_deg", "travel_mm"])
+def test_a_unit_that_stays_as_it_is_may_end_a_name(name):
+    assert "_".join(split_name(name)) == name

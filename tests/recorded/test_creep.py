@@ -13,6 +13,7 @@ from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.plant.respond import respond
 
 LEVELS = (20.0, 60.0, 100.0)
+HEATER = {"input": "heater (%)", "output": "temp (degC)"}
 TRUE = Plant((0.3,), (4.0,), (0.0, 0.02, 2e-4), (20.0, 100.0))
 
 
@@ -141,3 +142,45 @@ def test_a_chirp_whose_frequency_goes_with_time_drifts_no_gain():
     assert "gain-drifts" not in [one.code for one in fit.findings]
     for row in fit.nonlinear.curves:
         assert row.ci95.tau1[0] < REFERENCE_PLANT.at(row.level).tau1 < row.ci95.tau1[1]
+
+
+@pytest.mark.parametrize("pct", [0.1, 1.0])
+def test_a_drift_beside_one_lag_is_no_slow_part_of_a_clutch(pct):
+    """A motor whose tacho drifts by a thousandth: T_s was 1341 (1340.7 … 1342.1) RPM for 1140, in 4 of 5."""
+    draw, t = np.random.default_rng(101), np.arange(0, 40, 0.02)
+    at = np.searchsorted(np.cumsum(draw.uniform(0.5, 2, 40)), t)
+    u = draw.choice([0.0, 3, 6, 9, 12], 41)[at] * (at > 0)
+    keep = np.exp(-0.02 / 0.18)
+    y = 95 * lfilter([0, 1 - keep], [1, -keep], u) + pct * 11.4 * t / 40 + 3 * draw.standard_normal(len(t))
+    log = pd.DataFrame({"time (s)": t, "voltage (V)": u, "speed (rpm)": y})
+    fit = eaid.fit(eaid.read(log, columns={"input": "voltage (V)", "output": "speed (rpm)"}))
+    assert fit.plant.kind == "lag" and fit.plant.tau1[0] == pytest.approx(0.18, rel=0.01)
+    low, high = fit.plant_.at(12.0)["Ts"][1]
+    assert 0.99 * low < 1140 < 1.01 * high and high / low < 1.03
+
+
+@pytest.mark.parametrize("drift", [0.0002, 0.0008])
+def test_a_heater_in_a_room_that_warms_up_is_one_lag(drift):
+    """T_s(60 %) was 131 and 56 degrees for 48, "usable yes"."""
+    t = np.arange(0, 3600, 2.0)
+    u = np.select([t < 120, t < 900, t < 1800, t < 2700], [0.0, 20, 60, 40])
+    late = np.append(np.zeros(3), u)[: len(t)]  # by 6 s
+    keep = np.exp(-2 / 95)
+    y = 22 + drift * t + 0.8 * lfilter([0, 1 - keep], [1, -keep], late)
+    y = y + 0.05 * np.random.default_rng(0).standard_normal(len(t))
+    fit = eaid.fit(eaid.read(pd.DataFrame({"time (s)": t, "heater (%)": u, "temp (degC)": y}), columns=HEATER))
+    assert fit.plant.kind == "lag" and float(fit.plant.steady(60.0)) == pytest.approx(48.0, rel=0.005)
+    assert fit.plant.dead_time_s == pytest.approx(6.0, abs=0.5)
+    assert fit.logs[0].creep[0] == pytest.approx(3600 * drift, rel=0.1)
+
+
+def test_steps_of_a_heater_in_a_room_that_warms_up_are_one_lag():
+    """T_s(40 %) was 37.7 (34.6 … 40.9) degrees for 32, with a τ2 of 18,000 s that none of the levels showed."""
+    draw, t, frames = np.random.default_rng(4), np.arange(0, 1200, 1.0), {}
+    for level in (20.0, 40.0, 60.0):
+        on = np.maximum(t - 246, 0)
+        y = 21 + t / 1800 - 0.8 * level * np.expm1(-on / 95) + 0.05 * draw.standard_normal(len(t))
+        columns = {"time (s)": t, "heater (%)": np.where(t >= 240, level, 0.0), "temp (degC)": y}
+        frames[f"{level:g}"] = pd.DataFrame(columns)
+    fit = eaid.fit(eaid.read(frames, columns=HEATER))
+    assert fit.plant.kind == "lag" and float(fit.plant.steady(40.0)) == pytest.approx(32.0, rel=0.03)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 
 import eaid
 from eaid.estimate.recorded_log import RecordedLog, recorded_log, shift_input
@@ -238,6 +239,28 @@ def test_inputs_that_act_for_a_moment_are_in_the_range_and_rest_is_no_fault() ->
     for u in (30.0, 60.0, 90.0):
         assert fit.plant.time_constants(u)[0] == pytest.approx(true.at(u).tau1, rel=0.03)
         assert fit.plant.steady(u) == pytest.approx(true.at(u).Ts, rel=0.02)
+
+
+def test_a_loop_tells_c_where_its_reference_is_known() -> None:
+    """Of a clutch with C = 0.80, in sums of sines, T_s was 1050 to 1070 RPM for 1140 and τ2 0.7 to 1.5 s for 4."""
+    draw, dt, n = np.random.default_rng(2), 0.01, 12_000
+    t, sizes = dt * np.arange(n), ((200, 0.1, 0), (120, 0.37, 1), (60, 0.83, 2))
+    wanted = 500 + np.sum([a * np.sin(2 * np.pi * f * t + p) for a, f, p in sizes], axis=0)
+    noise = lfilter([np.sqrt(1 - 0.95**2)], [1, -0.95], 3 * draw.standard_normal(n)) + 3 * draw.standard_normal(n)
+    x, gone, whole = np.zeros(2), np.exp(-dt / np.array([0.3, 4.0])), 0.0
+    duty, read = np.zeros(n), np.zeros(n)
+    for k in range(n):
+        read[k] = x.sum() + noise[k]
+        off = wanted[k] - read[k]
+        duty[k] = min(max(0.02 * off + whole, 0.0), 12.0)
+        whole += 0.1 * off * dt * (0 < duty[k] < 12)
+        end = np.array([0.8, 0.2]) * 95 * duty[k]
+        x = end + (x - end) * gone
+    fit = fit_recorded([RecordedLog("loop", t, duty, read, reference=wanted)], PLAIN)
+    assert fit.recorded.loops[0].method == "instrument" and pytest.approx(0.8, abs=0.02) == fit.plant.C
+    assert float(fit.plant.steady(10.0)) == pytest.approx(950, rel=0.03)
+    assert float(fit.plant.time_constants(6.0)[1]) == pytest.approx(4.0, rel=0.15)
+    assert "share-by-evidence" in codes(fit)
 
 
 @pytest.mark.slow

@@ -53,6 +53,19 @@ def test_a_response_is_that_of_the_curve(fits, slip):
             assert one.peak is one.peak_s is one.slip is None
 
 
+def test_a_response_that_rings_is_engaged_where_it_first_comes_there():
+    """Every dip below 90 % counted as well: 0.98 s for 0.27."""
+    t, frames = np.arange(0, 9, 0.005), {}
+    on, s = np.maximum(t - 1, 0), math.sqrt(1 - 0.15**2)
+    rings = 1 - np.exp(-0.9 * on) * (np.cos(6 * s * on) + 0.15 / s * np.sin(6 * s * on))
+    for k in range(3):
+        noise = 0.003 * np.random.default_rng(k).normal(size=len(t))
+        columns = {"time_s": t, "duty_pct": np.where(t >= 1, 50.0, 0.0), "torque_nm": 0.5 * rings + noise}
+        frames[f"run{k}"] = pd.DataFrame(columns)
+    (one,) = eaid.fit(frames, model=("friction",), ci="none").responses
+    assert one.engaged_s == pytest.approx(on[(rings >= 0.9).argmax()], abs=0.01)
+
+
 def test_it_is_told_kept_and_written_as_tables(fits, tmp_path):
     fit = fits[SLIPS]
     fit.save(tmp_path / "fit.json")
