@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from eaid.arrays import best_gain, median, white_squares
+from eaid.arrays import best_gain, white_squares
 from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, add_rest, logs_of_steps
@@ -144,8 +144,10 @@ def takes_its_place(other: Fit, fit: Fit, logs: Sequence[RecordedLog]) -> bool:
     swings = part.plant.kind in ("ringing", "series", "overshoot")
     left, of_clutch = subtract_white_noise(((100 - shapes[0]) ** 2, (100 - shapes[1]) ** 2), noise_pct(logs) ** 2)
     far_better = swings and left <= FAR_BETTER**2 * of_clutch
-    each = [explained_pct(other, [log], True) for log in logs]  # of a low level noise may hide the shape
-    explains = max(whole[0], median(each)) >= MUST_EXPLAIN_PCT
+    each = [[explained_pct(one, [log], True) for one in (other, fit)] for log in logs]
+    # of a low level noise may hide the shape
+    every = all(own >= MUST_EXPLAIN_PCT or 100 - own <= FAR_BETTER * (100 - others) for own, others in each)
+    explains = whole[0] >= MUST_EXPLAIN_PCT or every
     return explains and (as_well or far_better or not fit.verdict.of("nonlinear").usable)
 
 

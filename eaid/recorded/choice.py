@@ -63,6 +63,7 @@ from eaid.recorded.kinds import (
     try_every_kind,
 )
 from eaid.recorded.late import (
+    BETWEEN_ROWS,
     LEAST_CHANGES,
     LOWER,
     ON_TIME,
@@ -165,12 +166,13 @@ def choose_plant(experiment: Experiment) -> Chosen:
     steps = len(logs) > 1 and any(log.of_one_level for log in logs)  # whose slow part is a drift, too
     if steps or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
-    if chosen.searched is not None and never_comes(chosen.solved, experiment.inputs):
-        lag = next(one.kind.name for one in chosen.searched.rows if one.kind.law == "lag")
-        other = _choose_behind_creep(experiment, replace(choose_kind(chosen.searched, lag), clutch=None))
-        if not never_comes(other.solved, experiment.inputs) and other.solved.cost <= AS_WELL * chosen.solved.cost:
-            return other
-    return _choose_behind_creep(experiment, chosen)
+    behind = _choose_behind_creep(experiment, chosen)
+    if chosen.searched is None or not never_comes(behind.solved, experiment.inputs):
+        return behind
+    lag = next(one.kind.name for one in chosen.searched.rows if one.kind.law == "lag")
+    other = _choose_behind_creep(experiment, replace(choose_kind(chosen.searched, lag), clutch=None))
+    as_well = other.solved.cost <= AS_WELL * behind.solved.cost
+    return other if as_well and not never_comes(other.solved, experiment.inputs) else behind
 
 
 def never_comes(solved: Solved, inputs: Excited) -> bool:
@@ -238,7 +240,7 @@ def _choose_plant(experiment: Experiment) -> Chosen:
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
     as much with less, or more."""
     logs, options = experiment.logs, experiment.options
-    clutch = None if experiment.signed else _fit_clutch(experiment)
+    clutch = None if experiment.signed else _fit_clutch_in_time(experiment)
     inside, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
     near = BEYOND_INPUTS * float(inside.max())
     beyond = asked is not None and not inside.min() - near <= asked[0] < asked[1] <= inside.max() + near
@@ -541,6 +543,17 @@ def tells_curves(solved: Solved, inputs: Excited, each: bool) -> bool:
     """Whether the logs tell T_s of a fit at more than half of its inputs, and `each` of its time constants at some."""
     Ts, *taus = curves(solved, spread(solved), inputs.shown).half_width
     return bool(np.mean(Ts > OPEN_TS) < 0.5 and (not each or all(np.isfinite(tau).any() for tau in taus)))
+
+
+def _fit_clutch_in_time(experiment: Experiment) -> Chosen:
+    """The clutch's form; of inputs that were noted late by a part of a row which comes to next to none beside what
+    falls have of their own, on time."""
+    clutch = _fit_clutch(experiment)
+    each = zip(clutch.late, clutch.logs, strict=True)
+    off = [abs(one.rows - clutch.solved.dead_time_s / log.usual_s) for one, log in each]
+    if not clutch.solved.fitted.between_rows or max(off) >= BETWEEN_ROWS:
+        return clutch
+    return _fit_clutch(replace(experiment, options=replace(experiment.options, dead_time=0.0)))
 
 
 def _fit_clutch(experiment: Experiment) -> Chosen:

@@ -38,7 +38,8 @@ ASKED_ROWS = 0.3  # … from so much of one, and a standard error: what rings be
 FAR_ROWS = 4  # Rows at which a cost that is lower by `LOWER` of it speaks of a delay of many rows …
 LOWER = 0.02
 FARTHEST_ROWS = 500  # … and this many are looked for
-DELAY_ROWS = 1_000_000  # Of a log, from its first on, by which its delay is looked for
+# Of a log, from its first on, by which its delay is looked for; where each has to be gone through
+DELAY_ROWS, DELAY_ROWS_SWINGING = 1_000_000, 200_000
 # Rows from which a delay is told, by whether the input is held; of one that moves, a dead time. A held one that changes
 # between two rows is noted half a row late, and so is one that moves between them, not from row to row
 LATE_ROWS, BETWEEN_ROWS = {True: 0.5, False: 0.02}, 0.25
@@ -191,7 +192,7 @@ def follows_output(base: Solved, index: int, log: RecordedLog) -> float:
 def delay_of(base: Solved, index: int, log: RecordedLog) -> Delay:
     """The delay of one log, by whole rows but where an input is held and changes between two; none where noise has
     it."""
-    log = first_rows(log, DELAY_ROWS)
+    log = first_rows(log, DELAY_ROWS_SWINGING if base.fitted.model.kind == "swing" else DELAY_ROWS)
     rows, x = far_delay(base.fitted, base.x[base.setup.places[index].columns], log)
     first, moved = rows, _move_input(log, rows)
     step, sd = step_to_delay(base.fitted, x, moved)

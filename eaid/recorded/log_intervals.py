@@ -265,12 +265,17 @@ def by_changes(solved: Solved) -> Array:
     one row later makes of the residuals."""
     setup, total = solved.setup, np.zeros((solved.setup.size, solved.setup.size))
     for log, drive in enumerate(setup.drives):
-        columns, (J, _) = setup.places[log].columns, setup.jacobian(solved.x, log)
-        counted = np.cumsum(drive.w > 0)
+        columns, counted, at = setup.places[log].columns, np.cumsum(drive.w > 0), 0
         starts = np.unique(counted[np.flatnonzero(np.diff(drive.which) != 0)])
         D = differ_by_a_row(setup, solved.x[columns], drive)
-        s = np.add.reduceat(J * D[:, None], starts[starts < len(D)])
-        total[np.ix_(columns, columns)] += s.T @ s / 12
+        s = np.zeros((len(starts) + 1, len(columns)))  # the first of rows before any change
+        for piece in setup.derivatives(solved.x, log):
+            rows = np.arange(at, at + len(piece))
+            which = np.searchsorted(starts, rows, side="right")
+            first = np.flatnonzero(np.diff(which, prepend=-1))
+            s[which[first]] += np.add.reduceat(piece[:, :-1] * D[rows, None], first)
+            at += len(piece)
+        total[np.ix_(columns, columns)] += s[1:].T @ s[1:] / 12
     return total
 
 
