@@ -144,7 +144,7 @@ def test_a_chirp_whose_frequency_goes_with_time_drifts_no_gain():
         assert row.ci95.tau1[0] < REFERENCE_PLANT.at(row.level).tau1 < row.ci95.tau1[1]
 
 
-@pytest.mark.parametrize("pct", [0.1, 1.0])
+@pytest.mark.parametrize("pct", [0.1, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_a_drift_beside_one_lag_is_no_slow_part_of_a_clutch(pct):
     """A motor whose tacho drifts by a thousandth: T_s was 1341 (1340.7 … 1342.1) RPM for 1140, in 4 of 5."""
     draw, t = np.random.default_rng(101), np.arange(0, 40, 0.02)
@@ -159,7 +159,7 @@ def test_a_drift_beside_one_lag_is_no_slow_part_of_a_clutch(pct):
     assert 0.99 * low < 1140 < 1.01 * high and high / low < 1.03
 
 
-@pytest.mark.parametrize("drift", [0.0002, 0.0008])
+@pytest.mark.parametrize("drift", [0.0002, pytest.param(0.0008, marks=pytest.mark.slow)])
 def test_a_heater_in_a_room_that_warms_up_is_one_lag(drift):
     """T_s(60 %) was 131 and 56 degrees for 48, "usable yes"."""
     t = np.arange(0, 3600, 2.0)
