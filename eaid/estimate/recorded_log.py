@@ -12,7 +12,7 @@ from eaid.arrays import Array, median, read_only, white_squares
 from eaid.logs.run import Beside, Run
 from eaid.plant.drive import ROW_NUMBER, Drive, moved_rows
 from eaid.steps.noise import sample_noise
-from eaid.steps.plateaus import plateaus, stands_still
+from eaid.steps.plateaus import Plateau, plateaus, stands_still
 from eaid.steps.step import GAP_ROWS
 from eaid.steps.stepset import StepSet
 
@@ -24,8 +24,9 @@ NOISY_REST = 5e-3  # An input below rest by this part of its largest, or …
 NOISY = 6.0  # … so many deviations of its noise …
 NOISY_REST_MOST = 0.05  # … up to this part, is a noisy rest, …
 AROUND = 1.5  # … and what is nearer to rest than so many times that is at rest too
-# Of an input that stands still but for its noise: what part of this is white, and how far it may go with the output
-MOSTLY_WHITE, MOST_ANSWERED = 0.8, 0.1
+# Of an input that stands still but for its noise: what part of this is white, how far it may go with the output, and
+# errors of their means by which levels differ that are one
+MOSTLY_WHITE, MOST_ANSWERED, ONE_LEVEL = 0.8, 0.1, 4.0
 # Of an output whose sensor ends: different values, and rows at the largest; how many times more these are than those at
 # a value next to it; and the part of its range by which it comes there in one row
 FEWEST_VALUES, FEWEST_AT_LIMIT, TIMES_MORE, LEAST_JUMP = 100, 20, 10, 1e-4
@@ -153,23 +154,32 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
 def hold_measured(level: Array, output: Array) -> Array:
     """An input that stands still but for white noise, as one that was measured does, at what it stands still at: each
     row's noise would be taken for an input; itself where it moves, or answers the noise of the output."""
-    noise = sample_noise(level)
-    if noise == 0.0 or not stands_still(holds := plateaus(level), level):
+    noise, holds = sample_noise(level), list[Plateau]()
+    if noise > 0.0 and stands_still(every := plateaus(level), level):
+        holds = [one for one in every if is_white(level[one.start : one.stop])]
+    if 2 * sum(one.count for one in holds) < len(level):
         return level
     means = np.array([float(level[one.start : one.stop].mean()) for one in holds])
     weights, order = np.array([float(one.count) for one in holds]), np.argsort(means)
+    fewest = np.minimum(weights[order], np.roll(weights[order], 1))
+    apart = np.diff(means[order], prepend=means[order[0]]) > ONE_LEVEL * noise / np.sqrt(fewest)
     group = np.empty(len(means), dtype=np.intp)
-    group[order] = np.cumsum(np.diff(means[order], prepend=means[order[0]]) > noise)  # those all but alike are one
+    group[order] = np.cumsum(apart)  # those that differ as noise makes them are one
     same = np.bincount(group, weights * means) / np.bincount(group, weights)
     same[np.abs(same) <= noise] = 0.0
     held, still = level.copy(), np.zeros(len(level), dtype=bool)
     for one, value in zip(holds, same[group].tolist(), strict=True):
         held[one.start : one.stop], still[one.start : one.stop] = value, True
-    off, rows = level - held, np.flatnonzero(still[1:] & still[:-1] & np.isfinite(output[1:] - output[:-1]))
-    new, answered = np.diff(off)[rows], np.diff(output)[rows]
+    rows = np.flatnonzero(still[1:] & still[:-1] & np.isfinite(output[1:] - output[:-1]))
+    new, answered = np.diff(level - held)[rows], np.diff(output)[rows]
     size = float(np.linalg.norm(new) * np.linalg.norm(answered))
-    answers = size > 0 and abs(float(new @ answered)) > MOST_ANSWERED * size
-    return level if answers or white_squares(off[still]) < MOSTLY_WHITE * float(off[still] @ off[still]) else held
+    return level if size > 0 and abs(float(new @ answered)) > MOST_ANSWERED * size else held
+
+
+def is_white(values: Array) -> bool:
+    """Whether what values scatter about their mean is white noise, as far as so many tell."""
+    off = values - values.mean()
+    return white_squares(off) >= (MOSTLY_WHITE - 1 / np.sqrt(len(off))) * float(off @ off)
 
 
 def at_limit(output: Array) -> NDArray[np.bool_]:

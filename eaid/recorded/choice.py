@@ -169,8 +169,11 @@ def choose_plant(experiment: Experiment) -> Chosen:
     behind = _choose_behind_creep(experiment, chosen)
     if chosen.searched is None or not never_comes(behind.solved, experiment.inputs):
         return behind
-    lag = next(one.kind.name for one in chosen.searched.rows if one.kind.law == "lag")
-    other = _choose_behind_creep(experiment, replace(choose_kind(chosen.searched, lag), clutch=None))
+    lag = next((one.kind.name for one in chosen.searched.rows if one.kind.law == "lag"), "")
+    try:
+        other = _choose_behind_creep(experiment, replace(choose_kind(chosen.searched, lag), clutch=None))
+    except DataError:  # what one lag alone makes of the logs is no reason to refuse them
+        return behind
     as_well = other.solved.cost <= AS_WELL * behind.solved.cost
     return other if as_well and not never_comes(other.solved, experiment.inputs) else behind
 

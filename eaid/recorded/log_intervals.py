@@ -297,9 +297,7 @@ def spread_by_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Sp
     held, answers = setup.problem().A[solved.active], np.array(along)
     gain = answers[:, 0] @ free_inverse(H[0], held)
     if solved.levels_each:  # the lags answer so, the gain to what they leave of its levels
-        of_lags = answers[:, 1, :, first:] @ free_inverse(
-            H[1, first:, first:], setup.problem().A[solved.active, first:]
-        )
+        of_lags = answers[:, 1, :, first:] @ free_inverse(H[1, first:, first:], held[:, first:])
         of_gain = (answers[:, 0, :, :first] - of_lags @ H[0, first:, :first]) @ scaled_inverse(H[0, :first, :first])
         gain = np.concatenate([of_gain, of_lags], axis=2)
     if max(len(level.runs) for level in levels) > 1:
