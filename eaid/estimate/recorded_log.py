@@ -179,7 +179,7 @@ def hold_measured(level: Array, output: Array) -> Array:
 def is_white(values: Array) -> bool:
     """Whether what values scatter about their mean is white noise, as far as so many tell."""
     off = values - values.mean()
-    return white_squares(off) >= (MOSTLY_WHITE - 1 / np.sqrt(len(off))) * float(off @ off)
+    return bool(white_squares(off) >= (MOSTLY_WHITE - 1 / np.sqrt(len(off))) * float(off @ off))
 
 
 def at_limit(output: Array) -> NDArray[np.bool_]:
