@@ -12,7 +12,7 @@ from eaid.arrays import Array, median, read_only, white_squares
 from eaid.logs.run import Beside, Run
 from eaid.plant.drive import ROW_NUMBER, Drive, moved_rows
 from eaid.steps.noise import sample_noise
-from eaid.steps.plateaus import Plateau, plateaus, stands_still
+from eaid.steps.plateaus import plateaus, stands_still
 from eaid.steps.step import GAP_ROWS
 from eaid.steps.stepset import StepSet
 
@@ -24,9 +24,9 @@ NOISY_REST = 5e-3  # An input below rest by this part of its largest, or …
 NOISY = 6.0  # … so many deviations of its noise …
 NOISY_REST_MOST = 0.05  # … up to this part, is a noisy rest, …
 AROUND = 1.5  # … and what is nearer to rest than so many times that is at rest too
-# Of an input that stands still but for its noise: what part of this is white, how far it may go with the output, and
-# errors of their means by which levels differ that are one
-MOSTLY_WHITE, MOST_ANSWERED, ONE_LEVEL = 0.8, 0.1, 4.0
+# Of an input that stands still but for its noise: what part of this is white, and for what part of the time; how far it
+# may go with the output; and errors of their means by which levels differ that are one
+MOSTLY_WHITE, MOST_WHITE, MOST_ANSWERED, ONE_LEVEL = 0.8, 0.8, 0.1, 4.0
 # Of an output whose sensor ends: different values, and rows at the largest; how many times more these are than those at
 # a value next to it; and the part of its range by which it comes there in one row
 FEWEST_VALUES, FEWEST_AT_LIMIT, TIMES_MORE, LEAST_JUMP = 100, 20, 10, 1e-4
@@ -154,10 +154,11 @@ def recorded_log(run: Run, rest: float = 0.0) -> RecordedLog:
 def hold_measured(level: Array, output: Array) -> Array:
     """An input that stands still but for white noise, as one that was measured does, at what it stands still at: each
     row's noise would be taken for an input; itself where it moves, or answers the noise of the output."""
-    noise, holds = sample_noise(level), list[Plateau]()
-    if noise > 0.0 and stands_still(every := plateaus(level), level):
-        holds = [one for one in every if is_white(level[one.start : one.stop])]
-    if 2 * sum(one.count for one in holds) < len(level):
+    noise = sample_noise(level)
+    if noise == 0.0 or not stands_still(every := plateaus(level), level):
+        return level
+    holds = [one for one in every if is_white(level[one.start : one.stop])]
+    if sum(one.count for one in holds) < MOST_WHITE * sum(one.count for one in every):
         return level
     means = np.array([float(level[one.start : one.stop].mean()) for one in holds])
     weights, order = np.array([float(one.count) for one in holds]), np.argsort(means)
