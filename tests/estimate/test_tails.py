@@ -98,7 +98,10 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize(("plant", "dead_time_s"), OTHERS.values(), ids=OTHERS)
+@pytest.mark.parametrize(
+    ("plant", "dead_time_s"),
+    [pytest.param(*one, id=name, marks=[pytest.mark.slow] * (name == "overshoot")) for name, one in OTHERS.items()],
+)
 def test_sweeps_of_other_plants_are_fitted_as_recorded(plant: Plant, dead_time_s: float) -> None:
     """T_s was 15 to 40 % too large, by a slow part that never comes, or an overshoot that was taken for a creep."""
     random, left = np.random.default_rng(3), replace(plant, release_as_left=True)
