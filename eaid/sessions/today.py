@@ -33,7 +33,16 @@ from eaid.results.models import LevelIntervals
 from eaid.results.parameters import parameters_of
 from eaid.results.plant import FittedPlant, PlantIntervals, names_of
 from eaid.results.responses import LevelResponse, ResponseIntervals, responses_of
-from eaid.sessions.gather import MANY, RESPONSES, RIG_NAME, logs_of, of_another_plant, told_together, values_of_fit
+from eaid.sessions.gather import (
+    MANY,
+    NO_INTERVAL,
+    RESPONSES,
+    RIG_NAME,
+    logs_of,
+    of_another_plant,
+    told_together,
+    values_of_fit,
+)
 from eaid.sessions.model import NO_STEPS, KnownValues, Next, between, steps_known
 from eaid.sessions.rig import Rig
 from eaid.steps.stepset import StepSet
@@ -71,7 +80,8 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
         raise DataError("the logs hold no step from rest, which a reference step is; record one, from rest to a level")
     if not len(steps["Ts"].y):
         raise DataError("no reference step has a T_s above 0; record one whose output rises")
-    rows = base.level_values or [row for _, row in of_another_plant(base)]
+    if not (rows := base.level_values or [row for _, row in of_another_plant(base)]):
+        raise DataError(f"the fit that the rig's plant is of: {NO_INTERVAL}, and make the rig again")
     levels, model = np.array([row.level for row in rows]), rig.main.model(rig.names)
     if not np.isin(model.part_at(steps["Ts"].level), model.part_at(levels)).any():
         there = ", ".join(f"{u:.4g}" for u in levels.tolist()) + f" {rig.input_unit}".rstrip()
