@@ -23,7 +23,9 @@ from eaid.levels.workflow import usual_idle
 from eaid.options import FitOptions
 from eaid.plant.forms import PerLevel
 from eaid.plant.respond import from_rest
-from eaid.recorded.choice import Chosen, choose_plant, squares_about_mean, subtract_white_noise
+from eaid.recorded.beside import choose_plant
+from eaid.recorded.choice import choose_kind, squares_about_mean, subtract_white_noise
+from eaid.recorded.clutch_form import Chosen
 from eaid.recorded.engagements import without_gains
 from eaid.recorded.fit import experiment_of, fit_of
 from eaid.recorded.from_logs import fit_through, setup_of
@@ -70,7 +72,7 @@ def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: fl
                 of_lag = max((row.fit_pct or 0.0 for row in chosen.kinds if row.kind == one), default=0.0)
                 if not asks_for_one_lag(fit) or of_lag < explained_pct(fit, logs, False) - FAR_OFF_PCT:
                     break
-                chosen = chosen.of_kind(kind)
+                chosen = chosen if chosen.searched is None else choose_kind(chosen.searched, kind)
             if chosen.of_clutch:
                 continue
             chosen = fit_levels_each(chosen, experiment.logs)

@@ -22,7 +22,7 @@ from eaid.levels.creep import share_is_told
 from eaid.options import RigExtras
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import plant_numbers
-from eaid.recorded.choice import free_share
+from eaid.recorded.clutch_form import free_share
 from eaid.recorded.from_logs import Solved, idle_found, plant_found, with_dead_time
 from eaid.recorded.late import follows_output
 from eaid.recorded.log_intervals import spread

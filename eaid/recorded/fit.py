@@ -31,15 +31,10 @@ from eaid.options import FitOptions
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import PerLevel
 from eaid.plant.respond import from_rest, respond
-from eaid.recorded.choice import (
-    Chosen,
-    add_rest_before,
-    choose_plant,
-    count_from_rest,
-    mark_resting_start,
-    set_up_above_idle,
-)
+from eaid.recorded.begins import add_rest_before, count_from_rest, mark_resting_start, set_up_above_idle
+from eaid.recorded.beside import choose_plant
 from eaid.recorded.closed_loop import free_share_by_instruments, judge_loops, refit_by_instruments
+from eaid.recorded.clutch_form import Chosen
 from eaid.recorded.creep import creep_findings
 from eaid.recorded.curve_intervals import CurveSpread, curves
 from eaid.recorded.engagements import FEWEST_ENGAGEMENTS, log_that_differs
@@ -262,10 +257,11 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     if options.ci not in ("robust", "none"):
         raise UsageError(f"«ci» {options.ci}: logs fitted as recorded take robust or none; or say «logs_as» steps")
     rest = float(stepset.reading.get("rest", 0.0))
-    refuse([recorded_log(run, rest) for run in stepset.recorded])
+    logs = [recorded_log(run, rest) for run in stepset.recorded]
+    refuse(logs)
     shapes = fit_single_steps(stepset, options)
     dead_s = statistics.median_low([one.dead_time_s for one in shapes if one.edge == "up"] or [0.0])
-    fit = fit_recorded(stepset.recorded, options, stepset, rest, dead_time_s=dead_s)
+    fit = fit_recorded(logs, options, stepset, dead_time_s=dead_s)
     # what a whole log explains a step of it by itself, which begins on the tail of another, tells no better
     explained = all((log.fit_pct or 0.0) >= EXPLAINED_PCT for log in fit.logs)
     whole = fit.plant_ is not None and (explained or fit.plant_.another)

@@ -1,0 +1,100 @@
+"""The plant of recorded logs beside what is none of it: creeps of their outputs, drifts and scatter of their gains.
+
+Each of these imitates a slow part, falls that differ or a hysteresis. The plant is chosen first; where logs show one of
+them beside it, it is chosen anew without.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from eaid.arrays import Array
+from eaid.errors import DataError
+from eaid.estimate.recorded_log import take_off_creep, take_off_drift
+from eaid.findings import finding
+from eaid.recorded.choice import AS_WELL, choose_among_kinds, choose_kind
+from eaid.recorded.clutch_form import Chosen, input_answers_output, never_comes
+from eaid.recorded.creep import (
+    LEAST_GAIN,
+    SURE_GAIN,
+    find_creeps,
+    find_far_creeps,
+    find_gain_drift,
+    refit_with_creeps,
+    sure,
+)
+from eaid.recorded.engagements import fit_beside_gains, without_gains
+from eaid.recorded.from_logs import idle_found
+from eaid.recorded.inputs import Experiment
+from eaid.recorded.kinds import noise_saves
+
+DRIFT_ROUNDS = 3  # In which drifts of gains are found
+
+
+def choose_plant(experiment: Experiment) -> Chosen:
+    """The plant of the logs, without a creep of their outputs where they show one; loops and steps are not asked. A
+    slow part that comes nowhere within them is a creep's beside one lag, where that explains the logs as well."""
+    chosen, logs = choose_among_kinds(experiment), experiment.logs
+    steps = len(logs) > 1 and any(log.of_one_level for log in logs)  # whose slow part is a drift, too
+    if steps or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
+        return chosen
+    behind = _choose_behind_creep(experiment, chosen)
+    if chosen.searched is None or not never_comes(behind.solved, experiment.inputs):
+        return behind
+    lag = next((one.kind.name for one in chosen.searched.rows if one.kind.law == "lag"), "")
+    try:
+        other = _choose_behind_creep(experiment, replace(choose_kind(chosen.searched, lag), clutch=None))
+    except DataError:  # what one lag alone makes of the logs is no reason to refuse them
+        return behind
+    as_well = other.solved.cost <= AS_WELL * behind.solved.cost
+    return other if as_well and not never_comes(other.solved, experiment.inputs) else behind
+
+
+def _choose_behind_creep(experiment: Experiment, chosen: Chosen) -> Chosen:
+    """The plant of the logs without a creep, a drift of their gains, or gains of engagements beside one that was
+    chosen."""
+    logs = experiment.logs
+    gains = find_gain_drift(chosen.tried)
+    creeps = np.zeros(0) if chosen.clutch is None else find_far_creeps(chosen.clutch, chosen.logs, gains)
+    if gains is not None and not creeps.any():
+        return _choose_behind_drift(experiment, gains, chosen)
+    creeps = creeps if creeps.any() else find_creeps(chosen.tried, chosen.logs)
+    if not creeps.any():
+        return _choose_beside_gains(experiment, chosen)
+    plain = [take_off_creep(log, one) for log, one in zip(logs, creeps, strict=True)]
+    again = choose_among_kinds(replace(experiment, logs=plain))
+    solved, without = refit_with_creeps(again.solved, again.logs)
+    better = solved.cost < chosen.solved.cost - noise_saves(solved, 2 * len(logs))
+    if better and sure(solved, without):
+        return replace(again, solved=solved, logs=without)
+    return _choose_beside_gains(experiment, chosen)
+
+
+def _choose_behind_drift(experiment: Experiment, gains: Array, chosen: Chosen) -> Chosen:
+    """The plant of logs whose gains grow by such parts, as those amid them make it, which is told."""
+    again, total = chosen, gains
+    for _ in range(DRIFT_ROUNDS):
+        plain = [take_off_drift(log, part, idle_found(again.solved, k) + (log.baseline or 0.0))
+                 for k, (log, part) in enumerate(zip(experiment.logs, total.tolist(), strict=True))]  # fmt: skip
+        again = choose_among_kinds(replace(experiment, logs=plain))
+        more = find_gain_drift(again.tried, SURE_GAIN)
+        if more is None:
+            break
+        total = total + more
+    rows = zip(experiment.logs, (100 * total).tolist(), strict=True)
+    told = [finding("gain-drifts", log.name, pct=pct) for log, pct in rows if abs(pct) > 100 * LEAST_GAIN]
+    return replace(again, findings=[*again.findings, *told])
+
+
+def _choose_beside_gains(experiment: Experiment, chosen: Chosen) -> Chosen:
+    """The plant of logs whose engagements have gains of their own: chosen and fitted without these, as their squares
+    hide how the plant goes."""
+    alike = without_gains(chosen.tried[-1], experiment.logs)
+    if not alike:
+        return chosen
+    try:
+        again = choose_among_kinds(replace(experiment, logs=alike))
+    except DataError:  # what a log without its gains shows is no reason to refuse it
+        return chosen
+    recorded = [replace(log, output=one.output) for log, one in zip(again.logs, experiment.logs, strict=True)]
+    return replace(again, solved=fit_beside_gains(again.solved, recorded), logs=tuple(recorded), clutch=None)
