@@ -73,7 +73,10 @@ def test_mutants_are_made_in_a_process_that_has_not_loaded_eaid() -> None:
 
 @pytest.mark.parametrize(
     ("name", "word"),
-    [pytest.param("level_tau", "right", marks=pytest.mark.slow), ("sensor_limit", "told"), ("second_input", "refused")],
+    [
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in (("level_tau", "right"), ("sensor_limit", "told"))),
+        ("second_input", "refused"),
+    ],
 )
 def test_a_stranger(name: str, word: str, tmp_path: Path) -> None:
     """`tests` of other rooms hold the answers; this that the benchmark judges them."""

@@ -140,7 +140,10 @@ def test_clean_long_records_know_the_slow_part_of_single_runs() -> None:
 
 @pytest.mark.parametrize(
     ("levels", "seeds"),
-    [((10.0, 30.0, 60.0, 100.0), range(8)), (tuple(LEVELS.tolist()), (209, *range(210, 213)))],
+    [
+        ((10.0, 30.0, 60.0, 100.0), range(8)),
+        pytest.param(tuple(LEVELS.tolist()), (209, *range(210, 213)), marks=pytest.mark.slow),
+    ],
     ids=["few", "ten"],
 )
 def test_short_single_runs_hold_what_noise_and_a_slow_part_leave_open(levels: tuple[float, ...], seeds: Any) -> None:
@@ -339,6 +342,7 @@ def test_levels_that_runs_scatter_off_the_curve_stop_no_fit() -> None:
     assert fit.verdict.usable and left.fit_pct - left.held_pct > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_s", [0.0, 0.05])
 def test_a_share_that_is_wrong_hides_no_dead_time(late_s: float) -> None:
     """C is 0.7 and held at 0.85: 0.071 for 0.05, and none for 0.1, behind which a PI of 40 dB was unstable."""

@@ -100,7 +100,10 @@ OTHERS = {
 
 @pytest.mark.parametrize(
     ("plant", "dead_time_s"),
-    [pytest.param(*one, id=name, marks=[pytest.mark.slow] * (name == "overshoot")) for name, one in OTHERS.items()],
+    [
+        pytest.param(*one, id=name, marks=[pytest.mark.slow] * (name in ("overshoot", "dead time")))
+        for name, one in OTHERS.items()
+    ],
 )
 def test_sweeps_of_other_plants_are_fitted_as_recorded(plant: Plant, dead_time_s: float) -> None:
     """T_s was 15 to 40 % too large, by a slow part that never comes, or an overshoot that was taken for a creep."""
@@ -164,6 +167,7 @@ def test_tails_as_large_as_the_steps_that_begin_on_them(seed: int) -> None:
     assert sum(held) >= 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [7, 2, 4])
 def test_one_sweep_whose_gains_scatter(seed: int) -> None:
     """One gain a level: the fit broke off, left a level out, or had τ2 7 half-widths off. Of seed 7 a level remains

@@ -67,6 +67,7 @@ def test_widths_that_scatter_keeps_out_of_reach_are_refused_at_once() -> None:
         refuse_scattered(wild, {"Ts": 3.4})
 
 
+@pytest.mark.slow
 def test_a_plant_of_another_pace_is_planned_in_its_own_time(small_fit: eaid.Fit) -> None:
     """Two hundred times as fast: holds of 0.3 s and more and 100 rows a second told its lags to half of themselves, and
     no hour was long enough."""

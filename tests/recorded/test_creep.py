@@ -26,7 +26,15 @@ def staircase(creep: float, bent: bool = False, seed: int = 1) -> pd.DataFrame:
     return pd.DataFrame({"time_s": t, "duty_pct": duty, "torque_nm": torque})
 
 
-@pytest.mark.parametrize(("creep", "bent"), [(0.0, False), (0.06, False), (-0.12, False), (0.12, True)])
+@pytest.mark.parametrize(
+    ("creep", "bent"),
+    [
+        (0.0, False),
+        (0.06, False),
+        pytest.param(-0.12, False, marks=pytest.mark.slow),
+        pytest.param(0.12, True, marks=pytest.mark.slow),
+    ],
+)
 def test_a_creep_is_found_and_no_plant_imitates_it(creep, bent, tmp_path):
     """One of 1 % of the highest output made τ2 half as long again, and a hysteresis."""
     path = tmp_path / "log.csv"
@@ -64,7 +72,8 @@ def random_steps(plant: Plant, lasts_s: float, seed: int) -> pd.DataFrame:
     return with_ripple(plant, np.concatenate(parts), random)
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 5])
 def test_a_large_creep_leads_no_fit_astray(seed):
     """A tenth of the highest output: the fit ended where τ2 had no end at 10 %, or told a gain that drifts."""
     log = random_steps(WIDE, 150.0, seed)
@@ -80,7 +89,8 @@ def test_a_large_creep_leads_no_fit_astray(seed):
         assert fit.at(level).loc["tau2", "value"] == pytest.approx(float(tau2), rel=0.3)
 
 
-@pytest.mark.parametrize("seed", [4, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [4, 1])
 def test_another_share_makes_no_input_noted_late(seed):
     """C of 0.6: with the one that is held, inputs acted 20 ms early, and τ1 was a quarter too long."""
     plant = replace(WIDE, C=0.6)
@@ -91,6 +101,7 @@ def test_another_share_makes_no_input_noted_late(seed):
         assert fit.at(level).loc["tau1", "value"] == pytest.approx(float(plant.time_constants(level)[0]), rel=0.06)
 
 
+@pytest.mark.slow
 def test_falls_that_differ_no_longer_by_themselves_are_as_rises():
     """Fitted alone, what the whole test told had a chance of 0.002 to 0.94, and was the plant's all the same."""
     random = np.random.default_rng(2)
@@ -116,6 +127,7 @@ def test_a_gain_that_drifts_is_no_creep_of_the_output():
     assert "log-creeps" not in told and told["gain-drifts"]["pct"] == pytest.approx(-12.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_drift_of_the_gain_takes_no_slow_part_away(tmp_path):
     """An input that moves: one lag took the place of the clutch, whose T_s was open, thrice too large at low ones."""
     t, random = np.arange(0.0, 240.0, 0.02), np.random.default_rng(5)

@@ -54,6 +54,7 @@ def test_gains_that_scatter_are_no_other_plant_and_bend_none_of_its_numbers() ->
     assert log.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
 
 
+@pytest.mark.slow
 def test_tau1_that_differs_between_engagements_is_in_its_interval() -> None:
     """With the noise alone an interval of 1 % was 5 % off."""
     fit = eaid.fit(*log_of(GAINS, (1.10, 1.02, 0.93, 1.09, 1.03)))
@@ -120,7 +121,8 @@ def test_an_idle_output_creeps_where_its_step_begins_between_two_rows() -> None:
     assert (kept, gone) == (0.001, None)
 
 
-@pytest.mark.parametrize("seed", [709, *(pytest.param(one, marks=pytest.mark.slow) for one in (716, 719))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [709, 716, 719])
 def test_gains_of_steps_that_differ_buy_an_overshoot_no_curves_of_its_lags(seed: int) -> None:
     """Chosen with one gain for all levels, τ2 was 1.2 s at 20 % and 8 s at 60 % for 3, in one of five such sets."""
     draw, t, frames = np.random.default_rng(seed), np.arange(575) * 0.02 - 1.5, {}
@@ -155,6 +157,7 @@ def overshoots(seed: int) -> StepSet:
     return eaid.read(frames)
 
 
+@pytest.mark.slow
 def test_an_overshoot_is_found_where_noise_hides_its_lowest_level() -> None:
     """One of 14 such sets was a clutch, "usable yes"; and τ2 of another 3.01 (2.3 … 3.9)."""
     fit = eaid.fit(overshoots(1))

@@ -204,6 +204,7 @@ def test_a_loop_that_answers_noise_at_rest_is_fitted_by_instruments_behind_its_d
     assert len(held) == 22 and sum(held) >= 20
 
 
+@pytest.mark.slow
 def test_a_loop_around_one_lag_does_not_end_in_a_singular_matrix() -> None:
     """The clutch's two lags leave it directions that nothing determines."""
     random, n, dt = np.random.default_rng(3), 4000, 0.02
@@ -219,6 +220,7 @@ def test_a_loop_around_one_lag_does_not_end_in_a_singular_matrix() -> None:
     assert pytest.approx(15.0) == fit.recorded.loops[0].K_P and fit.plant.steady(60.0) == pytest.approx(2.4, rel=0.03)
 
 
+@pytest.mark.slow
 def test_inputs_that_act_for_a_moment_are_in_the_range_and_rest_is_no_fault() -> None:
     """Each step of the reference kicks the duty to its limit. Beyond the middle 98 % of its time it was held at the
     edge: τ1 was 20 % too small, ± 1 %; and a T_s of 0 next to rest made it open everywhere, NOT USABLE."""
@@ -326,6 +328,7 @@ def test_curves_go_over_all_inputs_where_the_logs_ask_for_it() -> None:
         assert fit.plant.at(level).Ts == pytest.approx(rig.at(level).Ts, rel=0.01)
 
 
+@pytest.mark.slow
 def test_noise_that_a_loop_answers_at_rest_is_no_input() -> None:
     """A duty of some per cent was the lowest input: T_s was 17 % too small at 20 %, and τ1 4 % at 50."""
     shape = {"duration_s": 240.0, "hold_s": (0.5, 12.0)}

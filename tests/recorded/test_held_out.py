@@ -42,7 +42,8 @@ def test_a_plant_that_is_there_holds_where_it_has_not_seen(logs: tuple[int, ...]
     assert found.verdict.usable and f"unseen {unseen.held_pct:.1f} % of" in found.summary()
 
 
-@pytest.mark.parametrize("seed", [5, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (6, 7, 22))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [5, 6, 7, 22])
 def test_a_walk_that_no_input_makes_is_not_usable(seed: int) -> None:
     random, n = np.random.default_rng(seed), 3000
     u = np.append(np.zeros(50), np.repeat(random.uniform(10, 100, n // 50), 50))[:n]

@@ -111,7 +111,7 @@ def test_steps_between_levels_that_never_rest_reach_a_controller() -> None:
 
 
 def test_an_output_that_integrates_its_input_is_refused_by_name() -> None:
-    log = log_of(KINDS["lag"])
+    log = log_of(KINDS["lag"], n=1200)
     log["speed_rpm"] = np.append(0.0, np.cumsum(log.input_V)[:-1]) * 0.02 * 0.01 + 0.01 * np.random.default_rng(
         0
     ).normal(size=len(log))
@@ -119,6 +119,7 @@ def test_an_output_that_integrates_its_input_is_refused_by_name() -> None:
         fitted(log)
 
 
+@pytest.mark.slow
 def test_the_position_of_a_drive_in_its_loop_is_refused_as_an_integrator() -> None:
     """As EMPS: a carriage on a screw, 95 kg with viscous and dry friction, follows a path to and fro; by SciPy."""
     t = np.arange(0, 24.0, 0.005)
@@ -152,6 +153,7 @@ def test_a_clutch_keeps_its_form_and_what_falls_have_is_replayed(tmp_path: Path)
     assert "replay-no-hysteresis" in {one.code for one in played.findings}  # a controller's input falls to no level
 
 
+@pytest.mark.slow
 def test_one_engagement_does_not_end_in_a_division_by_zero() -> None:
     """Twelve to 28 V, never at rest: the scatter of a single engagement has no degree of freedom."""
     truth, t = plant(0.4, C=1.0, gain=0.3), np.arange(4000) * 0.02
@@ -205,6 +207,7 @@ def test_an_input_that_changes_between_two_rows_makes_no_lag_short(tmp_path: Pat
     assert replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
 
 
+@pytest.mark.slow
 def test_steps_that_ring_are_one_step_each_where_their_input_is_told() -> None:
     random, t, spring = np.random.default_rng(3), np.arange(-0.5, 3.0, 0.005), plant(1 / 12, zeta=0.15)
     logs = []
@@ -242,7 +245,8 @@ def test_an_input_noted_late_is_told_of_every_kind_and_bends_none(name: str, row
     assert found == pytest.approx(true, rel=0.02)
 
 
-@pytest.mark.parametrize("held", [*(pytest.param(u, marks=pytest.mark.slow) for u in (0.0, 100.0)), 30.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("held", [0.0, 100.0, 30.0])
 def test_a_log_that_begins_with_its_input_on(held: float, tmp_path: Path) -> None:
     """Switched on, or from 30 to 100, at its first row, one lag was told as two with a zero: what the dead time holds
     back was a state."""
@@ -294,7 +298,8 @@ VARYING = {
 }
 
 
-@pytest.mark.parametrize("kind", ["ringing", pytest.param("lag", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["ringing", "lag"])
 def test_time_constants_that_go_with_the_input(kind: str, tmp_path: Path) -> None:
     """One ω for all inputs was 44 % off at the lowest level; one lag had the clutch's T_s, 17 % off."""
     truth = VARYING[kind]
@@ -329,7 +334,7 @@ def test_one_lag_and_an_overshoot_have_falls_of_their_own(C: float, tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("share", "rest_s"), [(0.75, 4.0), (0.85, 60.0), pytest.param(0.85, 4.0, marks=pytest.mark.slow)]
+    ("share", "rest_s"), [(0.85, 60.0), *(pytest.param(share, 4.0, marks=pytest.mark.slow) for share in (0.75, 0.85))]
 )
 def test_few_steps_in_one_log_that_begin_on_tails(share: float, rest_s: float, tmp_path: Path) -> None:
     """Rests of half of τ2: cut as steps from rest, T_s came out as a half and τ2 twice as long; a C other than 0.85 is
@@ -349,6 +354,7 @@ def test_few_steps_in_one_log_that_begin_on_tails(share: float, rest_s: float, t
     assert eaid.load(tmp_path / "fit.json") == fit
 
 
+@pytest.mark.slow
 def test_a_slow_part_that_no_log_shows_is_none() -> None:
     """One lag in a loop that follows a sine: the clutch's form hid a slow part that never comes in T_s, 18 % too large
     at every input, in intervals of half of a percent (4 of 4 such logs)."""
@@ -370,7 +376,7 @@ def test_a_slow_part_that_no_log_shows_is_none() -> None:
         assert low < 0.04 * level < high < 0.041 * level
 
 
-@pytest.mark.parametrize("how", ["logs", "dataset"])
+@pytest.mark.parametrize("how", [pytest.param("logs", marks=pytest.mark.slow), "dataset"])
 def test_steps_beside_a_log_are_logs_too(how: str, tmp_path: Path) -> None:
     """With steps beside it a log kept the clutch's form: one lag had a T_s 18 % too large, two in series one of 0.34
     for 0.08 and 0.3."""
@@ -394,6 +400,7 @@ def test_steps_beside_a_log_are_logs_too(how: str, tmp_path: Path) -> None:
     assert min(one.fit_pct for one in fit.logs) > 97
 
 
+@pytest.mark.slow
 def test_runs_of_steps_beside_a_log_scatter_in_the_intervals() -> None:
     """With an idle output of its own each run hid its gain: T_s was told to ± 1 %, and held at 14 of 25 levels."""
     random, t = np.random.default_rng(21), np.arange(0.0, 20.0, 0.02)

@@ -39,7 +39,7 @@ def fitted(form: str, curve: str) -> Fit:
     return eaid.fit(eaid.read(log(form), logs_as="recorded"), model=("friction", "nonlinear"), curve=curve)
 
 
-@pytest.mark.parametrize("form", ["threshold", "kink"])
+@pytest.mark.parametrize("form", ["threshold", pytest.param("kink", marks=pytest.mark.slow)])
 def test_the_plant_goes_through_them(form: str) -> None:
     fit, cubic = fitted(form, "auto"), fitted(form, "cubic")
     off = [[abs(float(one.plant.steady(u)) - FORMS[form](u)) for u in LEVELS] for one in (fit, cubic)]
@@ -68,6 +68,7 @@ def test_a_cubic_stays_one() -> None:
     assert fit.plant == fitted("cubic", "cubic").plant
 
 
+@pytest.mark.slow
 def test_time_constants_of_no_quadratic_are_each_levels_own() -> None:
     """The quadratic was up to 13 % off within intervals of 2 %, without a word, and the logs explained to 99.6 %."""
     random, x, parts = np.random.default_rng(1), np.zeros(2), [(0.0, np.zeros(250))]

@@ -29,6 +29,7 @@ def log(t, u, plant=LAG, noise=0.005, name="log"):
     return RecordedLog(name, t, u, output)
 
 
+@pytest.mark.slow
 def test_a_ramp_that_is_held_for_ten_rows_a_value_is_no_staircase():
     t = np.arange(40_000) * 1e-3
     ramp = np.repeat(np.linspace(0, 100, 4000), 10)
@@ -45,6 +46,7 @@ def test_levels_that_are_all_but_alike_are_one():
     assert find_inputs([log(t, u)], None).levels == pytest.approx([20, 60, 100], abs=0.01)
 
 
+@pytest.mark.slow
 def test_an_input_that_changes_within_a_gap_is_not_noted_late(tmp_path):
     random = np.random.default_rng(4)
     levels, holds = random.choice([20.0, 40.0, 60.0, 80.0, 100.0], 30), random.uniform(2.0, 10.0, 30)
@@ -64,6 +66,7 @@ def test_an_input_that_changes_within_a_gap_is_not_noted_late(tmp_path):
         assert fit.at(u).loc["tau1", "value"] == pytest.approx(float(REFERENCE_PLANT.time_constants(u)[0]), rel=0.03)
 
 
+@pytest.mark.slow
 def test_levels_of_a_staircase_have_values_of_their_own(tmp_path):
     """A drive that clips at 70 %: a cubic through it was 6 % off at every level, with intervals of 3 %."""
     random, levels = np.random.default_rng(3), (20.0, 40.0, 60.0, 70.0, 80.0, 90.0, 100.0)
@@ -176,7 +179,8 @@ def test_an_input_below_rest_has_the_gain_that_its_log_shows(sign):
     assert fit.logs[0].fit_pct > 98
 
 
-@pytest.mark.parametrize("step", [pytest.param(0.01, marks=pytest.mark.slow), 0.05])
+@pytest.mark.slow
+@pytest.mark.parametrize("step", [0.01, 0.05])
 def test_an_output_that_has_settled_on_a_coarse_sensor_is_no_stuck_one(step):
     t, random = np.arange(4000) * 0.02, np.random.default_rng(3)
     u = np.repeat(np.append([0.0, 0.0], random.choice([0.0, 40.0, 80.0, 100.0], 14)), 250)
@@ -186,6 +190,7 @@ def test_an_output_that_has_settled_on_a_coarse_sensor_is_no_stuck_one(step):
     assert fit.verdict.usable and fit.plant.kind == "ringing"
 
 
+@pytest.mark.slow
 def test_steps_of_both_signs_in_logs_of_their_own_have_a_gain_on_each_side():
     """2 upward and 1.2 downward, which levels by their size would take for one that scatters."""
     t, random, logs = np.arange(800) * 0.01, np.random.default_rng(0), []
@@ -224,16 +229,16 @@ def test_a_log_of_hardly_any_rows_is_refused_at_once():
 
 
 def test_a_log_whose_input_changes_within_its_gaps_must_not_be_used():
-    t = np.arange(4000) * 0.02
-    u = np.repeat(np.random.default_rng(1).choice([20.0, 40.0, 60.0, 80.0, 100.0], 40), 100)
+    t = np.arange(1600) * 0.02
+    u = np.repeat(np.random.default_rng(1).choice([20.0, 40.0, 60.0, 80.0, 100.0], 16), 100)
     whole = log(t, u, REFERENCE_PLANT)
-    kept = (np.arange(4000) - 90) % 100 >= 20  # a gap at every change
+    kept = (np.arange(1600) - 90) % 100 >= 20  # a gap at every change
     holes = replace(whole, time_s=t[kept], input=u[kept], output=whole.output[kept])
-    assert "changes-in-gaps" in [one.code for one in fit_recorded([holes]).findings]
-    assert "changes-in-gaps" not in [one.code for one in fit_recorded([whole]).findings]
+    assert "changes-in-gaps" in [one.code for one in fit_recorded([holes], FitOptions(model=("nonlinear",))).findings]
+    assert "changes-in-gaps" not in [one.code for one in fit_recorded([whole], FitOptions(model=("nonlinear",))).findings]
 
 
-@pytest.mark.parametrize("limit", [2.6, 3.4])
+@pytest.mark.parametrize("limit", [2.6, pytest.param(3.4, marks=pytest.mark.slow)])
 def test_rows_at_the_end_of_a_sensor_are_left_out(limit, tmp_path):
     """They were the steady value: T_s 8 % low at 100 %, and τ1 too short by a fifth, with no word of a single spell."""
     random, t = np.random.default_rng(8), np.arange(0.0, 200.0, 0.02)
@@ -295,7 +300,8 @@ def test_a_setpoint_that_is_taken_for_the_output_crashes_nothing():
     assert fit.logs[0].samples <= len(t)
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
 def test_one_tone_that_the_output_follows_is_no_wrong_sign(seed):
     """A gain below 0 behind half a period explains it as well as any, and the log was refused for that."""
     t, Ts = np.arange(2000) * 0.02, (0.0, 8e-3, 1.5e-4, 1.2e-6)
@@ -306,7 +312,8 @@ def test_one_tone_that_the_output_follows_is_no_wrong_sign(seed):
     assert "idle-not-seen" in codes(fit_recorded([log], FitOptions(model=("nonlinear",))))
 
 
-@pytest.mark.parametrize("noise", [0.005, pytest.param(0.02, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.005, 0.02])
 def test_an_output_that_ends_with_noise_behind_its_limit_is_left_out_there(noise):
     """No row repeats another: T_s at 100 % was a quarter short, "usable", and said to be known to 2 %."""
     t, random = np.arange(12_000) * 0.01, np.random.default_rng(6)
@@ -344,7 +351,7 @@ CURVES = {
 }
 
 
-@pytest.mark.parametrize("name", CURVES)
+@pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.slow] * (one != "saturates")) for one in CURVES])
 def test_a_torque_that_follows_no_cubic_is_no_fall_of_its_own(name):
     points = tuple((float(u), float(CURVES[name](u))) for u in np.linspace(10, 100, 91))
     plant = replace(REFERENCE_PLANT, Ts_through=points)
@@ -393,6 +400,7 @@ def test_another_kind_of_a_loop_has_a_gain_over_the_inputs_that_act():
     assert fit.verdict.usable and fit.plant.dead_time_s == pytest.approx(dead_rows * dt, abs=0.005)
 
 
+@pytest.mark.slow
 def test_inputs_below_the_onset_tell_no_b():
     """B of an output that rests is as large as one likes, and no loop bears it."""
     points = tuple((float(u), float(max(u - 15, 0) * 0.05)) for u in np.linspace(2, 100, 197))
@@ -462,6 +470,7 @@ def chirped(clutch: bool, seed: int) -> pd.DataFrame:
     return pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": y})[::10]
 
 
+@pytest.mark.slow
 def test_an_input_that_moves_between_its_rows_is_one_that_goes_straight() -> None:
     """Held from row to row, T_s(15 %) of a clutch was a quarter off, in silence, and one lag a clutch in a loop."""
     fit = eaid.fit(frame := chirped(True, 0))
@@ -494,7 +503,7 @@ def held_for(seconds: float, seed: int = 2) -> tuple[np.ndarray, np.ndarray]:
     return t, draw.choice([0.0, 3.0, 6.0, 9.0, 12.0], at[-1] + 1)[at] * (at > 0)
 
 
-@pytest.mark.parametrize("noise", [0.03, 0.1])
+@pytest.mark.parametrize("noise", [0.03, pytest.param(0.1, marks=pytest.mark.slow)])
 def test_the_noise_of_a_held_input_that_was_measured_is_no_input(noise):
     """Of 0.1 V on 12 V it made the gain 91.4 (91.1 … 91.8) for 95, and T_s(7.5 V) a -698 in a row of others."""
     t, u = held_for(1.7)

@@ -79,6 +79,7 @@ def test_without_noise_the_truth_comes_back(name: str, late: str) -> None:
     np.testing.assert_allclose(predicted[60.0], true, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_falls_that_nothing_determines_are_bounded() -> None:
     """A log that rings, to which the clutch's form is fitted, too: of its endless τ2 a factor went to 1e28."""
     assert kinds.tried("ringing + dead time", 10)["right"]

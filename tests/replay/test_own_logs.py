@@ -65,6 +65,7 @@ ALSO_THERE = {"series", "ringing behind a dead time", "overshoot"}
 RECORDED = [pytest.param(name, marks=[pytest.mark.slow] if name in ALSO_THERE else []) for name in PLANTS]
 
 
+@pytest.mark.slow
 def test_random_inputs_of_a_torque_that_has_an_onset(tmp_path):
     """T_s(u) goes through values, by the law of the fit and by that of the plant, which differ most at a kink."""
     draw = np.random.default_rng(2)

@@ -120,6 +120,7 @@ def test_without_force_nothing_is_written_over(files, tmp_path, held, run_eaid):
     assert names_in(tmp_path / "out") == ["figures/model_over_duty.png", "figures/notes.txt", "report.html"]
 
 
+@pytest.mark.slow
 def test_three_threads_write_the_same_bytes(files, tmp_path):
     results = [eaid.load(files[name]) for name in ("clutch.h5", "clutch.json", "steps.h5")]
     figures = ("fig07", "fig11")

@@ -28,7 +28,7 @@ def recording(gain: float, seed: int, level: float | None = None, rig: Any = LAG
 
 @pytest.fixture(scope="module")
 def fits() -> dict[float, Any]:
-    return {gain: eaid.fit(recording(gain, k)) for k, gain in enumerate((1.0, 1.04, 0.8, 1.3, 4.0))}
+    return {gain: eaid.fit(recording(gain, k)) for k, gain in enumerate((1.0, 1.04, 0.8, 4.0))}
 
 
 def test_a_gain_that_one_engagement_may_have_by_chance_has_not_moved(fits: dict[float, Any]) -> None:
@@ -46,13 +46,14 @@ def test_a_b_without_an_interval_leaves_the_range_of_gains_too(fits: dict[float,
 
 def test_today_of_one_lag_has_the_gain_of_its_step(fits: dict[float, Any]) -> None:
     """b0 was that of the last session, and so were the gains."""
-    rig = eaid.sessions([fits[gain] for gain in (1.0, 1.04, 0.8, 1.3)])
+    rig = eaid.sessions([fits[gain] for gain in (1.0, 1.04, 0.8)])
     today = eaid.today(rig, eaid.read(recording(0.9, 9, level=200.0)))
     assert today.linear.b0 == pytest.approx(0.9 * 0.05 / 0.3, rel=0.05)
     (low, high) = next(row.ci95.B for row in today.linear.per_level if row.level == 200)
     assert low < 0.3 / (0.9 * 0.05) < high
 
 
+@pytest.mark.slow
 def test_today_of_a_rig_that_rings_has_the_gain_of_its_step() -> None:
     """It was refused; and the step's own T_s was that of a clutch, known to 24 % for 9."""
     rig = eaid.sessions([eaid.fit(recording(gain, k, rig=RINGS)) for k, gain in enumerate((1.0, 1.04, 0.8, 1.3))])

@@ -101,6 +101,7 @@ def test_fits_hold_together_as_their_values_do(fits, rig):
     assert 0.1 < rig.main.sd.gain < 0.6 and codes(rig).keys() <= {"session-carries-estimate", "trend-over-sessions"}
 
 
+@pytest.mark.slow
 def test_what_single_runs_scatter_about_their_curve_is_no_noise_of_theirs(make):
     """Taken for it, it was found a second time as nothing between sessions: intervals of today held 75 to 88 %."""
     rng = np.random.default_rng(2)

@@ -270,7 +270,7 @@ def test_a_log_at_rest_throughout_is_left_out_and_named() -> None:
         read({"blank": logs["blank"]})
 
 
-@pytest.mark.parametrize("ramp_s", [0.05, 0.6])
+@pytest.mark.parametrize("ramp_s", [0.05, pytest.param(0.6, marks=pytest.mark.slow)])
 def test_slow_ramps_to_each_level_are_fitted_as_they_were_recorded(ramp_s: float) -> None:
     fine = np.arange(24_000) / 2000
     logs = []

@@ -29,6 +29,7 @@ def test_a_noisy_voltage_monitor_holds_steps() -> None:
         assert row.Ts == pytest.approx(0.01 * row.level, rel=0.03)
 
 
+@pytest.mark.slow
 def test_steps_beside_a_log_of_both_signs_stop_no_fit() -> None:
     random, t = np.random.default_rng(1), np.arange(0.0, 60.0, 0.01)
     signed = np.repeat(random.choice([-100.0, -50.0, 0.0, 50.0, 100.0], 30), 200)
@@ -96,6 +97,7 @@ def test_a_sensor_that_rounds_leaves_its_low_levels_out_and_makes_no_spikes() ->
     assert eaid.fit(dithered, model="nonlinear").data.levels == (10, 20, 40, 60, 80, 100)
 
 
+@pytest.mark.slow
 def test_a_drive_that_ramps_is_no_dead_time() -> None:
     fit = eaid.fit(read_back(5, slope=200.0), model=("friction", "nonlinear"))
     (told,) = [one for one in fit.findings if one.code == "dead-time-grows"]

@@ -197,6 +197,7 @@ def test_one_lag_keeps_its_dead_time_under_noise(seed: int) -> None:
     assert begin.ends[0] < 0.02 < begin.ends[1]
 
 
+@pytest.mark.slow
 def test_an_overshoot_behind_a_dead_time_that_comes_down_slowly_keeps_it() -> None:
     """Its slow lag of 6 s in steps of 15 s was taken for a drift, and the kind without the dead time for it."""
     plant = eaid.fit(levels_of(1.3, 0.1, 0.002, 4)).plant
@@ -204,7 +205,8 @@ def test_an_overshoot_behind_a_dead_time_that_comes_down_slowly_keeps_it() -> No
     assert (plant.tau1[0], plant.tau2[0], plant.C) == pytest.approx((0.5, 6.0, 1.3), rel=0.03)
 
 
-@pytest.mark.parametrize("rows", [3, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("rows", [3, 5])
 def test_steps_that_ring_tell_an_input_noted_late_too(rows: int) -> None:
     """Five rows of 10 ms once stopped the fit, and three bent the response by 3 % in silence."""
     time, logs, w, zeta = np.arange(0, 6, 0.01), {}, 6.0, 0.3
@@ -283,6 +285,7 @@ def runs_late_by(theta_s: float, C: float, released: bool) -> dict[str, pd.DataF
     return logs
 
 
+@pytest.mark.slow
 def test_a_dead_time_beside_another_share_is_found_in_noise_that_lasts() -> None:
     """By a C of 0.85 no step was better behind it: it was lost, and a PI was told 27 dB on a loop that is unstable."""
     fit = eaid.fit(runs_late_by(0.06, 0.7, released=False))
