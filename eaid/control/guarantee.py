@@ -24,7 +24,7 @@ of the extreme plants, Ṫ = b (u − η̂(T)) with b = 1/B_M and 1/B_m, and by 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from eaid.findings import Finding, finding
 from eaid.plant.dynamics import Plant
 from eaid.plant.linear import LinearPlant
 from eaid.plant.operating import lag
-from eaid.results.gains import Condition, Guarantee, Mending, Robust, Timing
+from eaid.results.gains import Condition, Guarantee, Robust, Timing
 from eaid.results.models import LinearLevel
 
 NEED_ROUNDING = 1e-9  # Share by which the needed may exceed the available
@@ -169,47 +169,18 @@ def _suffices(needed: float | None, available: float | None) -> bool | None:
     return None if needed is None or available is None else bool(needed <= available * (1 + NEED_ROUNDING))
 
 
-# Condition that other gains meet → the options of `tune_rc` that make them, by the largest slope of the reference
-MENDABLE: dict[str, Callable[[float], dict[str, Any]]] = {
-    "rho": lambda _slope: {"b_hat": "minimax"},
-    "phi": lambda _slope: {"phi": "data"},
-    "Q_M": lambda slope: {"q_max": slope},
-}
-
-
-def to_mend(verdict: Guarantee) -> list[tuple[str, ...]]:
-    """The conditions that other gains would meet, one by one and, where there are several, all at once."""
-    each = [name for name in verdict.missing if name in MENDABLE]
-    return [*((name,) for name in each), *([tuple(each)] if len(each) > 1 else [])]
-
-
-def warnings_of(
-    rc: Robust, verdict: Guarantee, least: Mending, units: tuple[str, str], reference: str
-) -> list[Finding]:
-    """What does not hold, each with its numbers and with what it would cost to mend; `least` has margins and error of
-    the gains as they are."""
-    findings, sharpness, unit = [], rc.gamma * rc.epsilon, units[0]
+def warnings_of(rc: Robust, verdict: Guarantee, unit: str, reference: str) -> list[Finding]:
+    """What does not hold, each with its numbers."""
+    findings, sharpness = [], rc.gamma * rc.epsilon
     rows = {one.name: one for one in verdict.conditions}
 
-    def cost(name: str) -> dict[str, Any]:
-        """Of meeting one condition, with that of meeting all that gains can meet."""
-        then = next(one for one in verdict.mendings if one.conditions == (name,))
-        return {
-            "now_db": least.gain_db, "then_db": then.gain_db if then.stable else None, "stable": then.stable,
-            "now_error": least.max_abs_error_nm, "then_error": then.max_abs_error_nm, "output_unit": units[1],
-        }  # fmt: skip
-
     if rows["Q_M"].holds is False:
-        findings.append(
-            finding("slope-above-q-max", "rc", slope=rows["Q_M"].needed, Q_M=rc.Q_M, reference=reference, **cost("Q_M"))
-        )
+        findings.append(finding("slope-above-q-max", "rc", slope=rows["Q_M"].needed, Q_M=rc.Q_M, reference=reference))
     if not rc.rho_covers:
-        findings.append(
-            finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.alpha, **cost("rho"))
-        )
+        findings.append(finding("rho-not-covered", "rc", B_hat=rc.B_hat, reached=rc.alpha_reached, made=rc.alpha))
     if rows["phi"].holds is False:
         needed, allowed = rows["phi"].needed, rows["phi"].available
-        findings.append(finding("phi-exceeded", "rc", allowed=allowed, needed=needed, unit=unit, **cost("phi")))
+        findings.append(finding("phi-exceeded", "rc", allowed=allowed, needed=needed, unit=unit))
     if sharpness < SHARP:
         findings.append(finding("switch-jumps", "rc", sharpness=sharpness, least=SHARP, jump=1 - math.tanh(sharpness)))
     low, high = rows["duty-floor"], rows["duty-limit"]
@@ -217,12 +188,5 @@ def warnings_of(
         findings.append(
             finding("plants-beyond-actuator", "rc", least=low.needed, most=high.needed, low=low.available,
                     high=high.available, unit=unit, reference=reference)
-        )  # fmt: skip
-    if verdict.mended is not None and len(verdict.mendings) > 1:
-        then = verdict.mended
-        findings.append(
-            finding("guarantee-mended", "rc", conditions=then.conditions, holds=then.holds, missing=then.missing,
-                    now_db=least.gain_db, then_db=then.gain_db, stable=then.stable, now_error=least.max_abs_error_nm,
-                    then_error=then.max_abs_error_nm, output_unit=units[1])
         )  # fmt: skip
     return findings

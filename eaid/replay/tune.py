@@ -24,7 +24,7 @@ from eaid.control.defaults import (
 )
 from eaid.control.design import Design, phi_needed, robust_of, seen_top_nm
 from eaid.control.gains import RangeOfB, model_of, plant_of, range_of_b
-from eaid.control.guarantee import MENDABLE, Grounds, falls_of_b, guarantee_of, to_mend, warnings_of
+from eaid.control.guarantee import Grounds, falls_of_b, guarantee_of, warnings_of
 from eaid.control.kinds import LAW_KINDS, Law, designs, rc_law
 from eaid.control.margins import Point, finite, least_margins, less_in_falls, margins_of, points_of, supposed_falls
 from eaid.control.pi import PAPER_PI, PIGains, Wanted, step_metrics
@@ -39,7 +39,7 @@ from eaid.replay.loop import replay
 from eaid.replay.metrics import step, tracking_errors
 from eaid.replay.references import Reference, Signal, from_its_start, reference_beyond, reference_of
 from eaid.results.fit import Fit
-from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Mending, Replayed, Robust, Timing, Tracking
+from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Replayed, Robust, Timing, Tracking
 
 OPEN_PART = 1.01  # By which B may lie outside of its range, and nothing is said
 LATER = 0.1  # Part of the dead time by which loops that are designed for a later one say so
@@ -213,7 +213,7 @@ def tune(fit: Fit, options: TuneOptions, reference: str | Signal | None, referen
     replayed = replay_beside(task, rc, laws)
     verdict = None
     if rc is not None:
-        verdict, rc, more = judged_rc(task, settled, rc, pi, replayed)
+        verdict, rc, more = judged_rc(task, rc)
         findings += more
     findings += _notes(task, settled, tuned, rc, replayed)
     findings += counted_from_rest(fit, task.limits)
@@ -238,15 +238,11 @@ def tune(fit: Fit, options: TuneOptions, reference: str | Signal | None, referen
     )  # fmt: skip
 
 
-def judged_rc(
-    task: Task, settled: Design, rc: Robust, pi: PIGains, replayed: Replayed
-) -> tuple[Guarantee, Robust, list[Finding]]:
+def judged_rc(task: Task, rc: Robust) -> tuple[Guarantee, Robust, list[Finding]]:
     """The verdict on the guarantee, the robust controller that knows whether its φ holds, and what is to be said."""
-    verdict, error = guarantee_of(rc, task.grounds), None if replayed.rc is None else replayed.rc.max_abs_error_nm
-    own = _least(task, rc_law(task.model, rc, task.limits), (), verdict, error)
-    verdict = msgspec.structs.replace(verdict, mendings=mendings(task, settled, pi, verdict))
+    verdict = guarantee_of(rc, task.grounds)
     phi_holds = next(one.holds for one in verdict.conditions if one.name == "phi")
-    told = warnings_of(rc, verdict, own, task.units, "reference" if task.given else task.name)
+    told = warnings_of(rc, verdict, task.units[0], "reference" if task.given else task.name)
     told += range_left_open(task.fit, rc) if verdict.holds else []
     return verdict, msgspec.structs.replace(rc, phi_holds=phi_holds), told
 
@@ -284,26 +280,6 @@ def replay_beside(task: Task, rc: Robust | None, laws: dict[str, Law]) -> Replay
         rows["equal_pi_feedforward"] = fed
     named = {name: rows.pop(name) for name in Replayed.ROWS if name in rows}
     return Replayed(task.name, task.wanted.steepest_nm_s, task.wanted.counted_from_s, **named, others=rows)
-
-
-def _least(task: Task, law: Law, met: tuple[str, ...], judged: Guarantee, error: float | None) -> Mending:
-    """Margins and error of a robust controller, with its verdict and the conditions that it was made to meet."""
-    least = least_margins(law, task.points, task.timing)
-    stable = bool(least.stable)
-    shown = error if stable else None
-    return Mending(met, judged.holds, judged.missing, stable, least.gain_db, least.phase_deg, shown)
-
-
-def mendings(task: Task, settled: Design, pi: PIGains, verdict: Guarantee) -> tuple[Mending, ...]:
-    """What the gains would be that meet what these do not: each condition alone, and all at once."""
-    made = []
-    for conditions in to_mend(verdict):
-        more = {key: value for one in conditions for key, value in MENDABLE[one](task.wanted.steepest_nm_s).items()}
-        options = replace(settled.options, **more)
-        _, rc = task.robust(replace(task.designed(options), pi=settled.pi), pi)
-        law = rc_law(task.model, rc, task.limits)
-        made.append(_least(task, law, conditions, guarantee_of(rc, task.grounds), task.errors(law).max_abs_error_nm))
-    return tuple(made)
 
 
 def _notes(task: Task, settled: Design, tuned: Design, rc: Robust | None, replayed: Replayed) -> list[Finding]:

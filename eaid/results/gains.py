@@ -181,21 +181,6 @@ class Condition(Result, frozen=True):
         return f" {self.available:.3g} of {self.needed:.3g} {self.unit}".rstrip() if known else ""
 
 
-class Mending(Result, frozen=True):
-    """What other gains, which meet conditions that these do not, would have instead."""
-
-    conditions: tuple[str, ...]
-    """Those that are met by it: rho by the middle B̂, phi by the φ of the data, Q_M by the reference's slope."""
-    holds: bool | None = None
-    """The guarantee with those gains."""
-    missing: tuple[str, ...] = ()
-    stable: bool = True
-    gain_db: Number | None = None
-    phase_deg: Number | None = None
-    max_abs_error_nm: Number | None = None
-    """Replayed as the gains themselves were."""
-
-
 class Guarantee(Result, frozen=True):
     """One verdict: whether the Lyapunov guarantee holds on this rig, with a row for each thing it needs.
 
@@ -213,8 +198,6 @@ class Guarantee(Result, frozen=True):
     holds: bool | None = None
     """None: not known."""
     conditions: tuple[Condition, ...] = ()
-    mendings: tuple[Mending, ...] = ()
-    """Each condition that other gains would meet, and where there are several all of them, with what it would cost."""
 
     def __bool__(self) -> bool:
         return self.holds is True
@@ -225,11 +208,6 @@ class Guarantee(Result, frozen=True):
             return "yes" if self.holds else "not known"
         rows = [one for one in self.conditions if one.holds is False]
         return f"NO: {'; '.join(f'{one.name}{one.lack}' for one in rows)}"
-
-    @property
-    def mended(self) -> "Mending | None":
-        """With all met that gains can meet."""
-        return self.mendings[-1] if self.mendings else None
 
     @property
     def missing(self) -> tuple[str, ...]:

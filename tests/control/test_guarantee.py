@@ -258,25 +258,3 @@ def test_there_is_one_verdict(judged, tmp_path):
     assert plain["guarantee"]["holds"] is plain["rc"]["guaranteed"] is False and plain["rc"]["rho_covers"] is True
     plain["rc"]["guaranteed"] = True
     assert loaded({key: part for key, part in plain.items() if key != "digest"}).rc.guaranteed is False
-
-
-def test_what_is_missing_is_told_with_what_it_costs_to_mend(tuned, told):
-    """Each condition alone and all at once, as gains that are asked for so have it."""
-    found = tuned(nonlinear=True)
-    verdict, asked = found.guarantee, told(found)
-    assert [one.conditions for one in verdict.mendings] == [("rho",), ("phi",), ("Q_M",), ("rho", "phi", "Q_M")]
-    ways = [{"b_hat": "minimax"}, {"phi": "data"}, {"reference": "multisine"},
-            {"b_hat": "minimax", "phi": "data", "reference": "multisine"}]  # fmt: skip
-    for one, way in zip(verdict.mendings, ways, strict=True):
-        made = tuned(nonlinear=True, **way)
-        assert not set(one.conditions) & set(made.guarantee.missing) and one.missing == made.guarantee.missing
-        assert one.holds is made.guarantee.holds is False
-        least = made.margins.worst["rc"]
-        assert (one.gain_db, one.phase_deg) == pytest.approx((least.gain_db, least.phase_deg))
-        assert one.max_abs_error_nm == pytest.approx(made.replayed.rc.max_abs_error_nm)
-    for code, k in (("rho-not-covered", 0), ("phi-exceeded", 1), ("slope-above-q-max", 2), ("guarantee-mended", 3)):
-        assert asked[code]["then_db"] == verdict.mendings[k].gain_db
-        assert asked[code]["now_db"] == found.margins.worst["rc"].gain_db
-        assert asked[code]["then_error"] == verdict.mendings[k].max_abs_error_nm
-    assert asked["plants-beyond-actuator"]["most"] > 100 > 0 > asked["plants-beyond-actuator"]["least"]
-    assert tuned(nonlinear=True, **ways[3]).guarantee.mendings == ()

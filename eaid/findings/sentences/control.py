@@ -1,8 +1,5 @@
 """Sentences about control."""
 
-import string
-from collections.abc import Callable
-
 from eaid.findings.row import Row, Values, caution, note, stop
 
 CONDITION_WORDS = {"rho": "ρ", "phi": "φ", "Q_M": "Q_M", "duty-limit": "input limit", "duty-floor": "input floor"}
@@ -35,57 +32,20 @@ def _leaves(v: Values) -> str:
     return f"the replay leaves what was recorded: {', '.join(parts)}; treat that as extrapolation"
 
 
-def _cost(v: Values) -> str:
-    """What other gains would have for what these have."""
-    if not v.get("stable", True):
-        return "an unstable loop"
-    parts = []
-    if v.get("now_db") is not None and v.get("then_db") is not None:
-        parts.append(f"{v['then_db']:.3g} dB of gain margin for {v['now_db']:.3g}")
-    if v.get("now_error") is not None and v.get("then_error") is not None:
-        parts.append(f"a largest error of {v['then_error']:.3g} for {v['now_error']:.3g} {v['output_unit']}")
-    return " and ".join(parts)
-
-
-def _mending(said: str, option: str) -> Callable[[Values], str]:
-    """A condition that fails, the option that meets it, and what that costs."""
-
-    def told(v: Values) -> str:
-        cost = _cost(v)
-        return string.Formatter().vformat(f"{said}; {option}", (), v) + (f", at {cost}" if cost else "")
-
-    return told
-
-
-def _mended(v: Values) -> str:
-    cost, all_met = _cost(v), " and ".join(CONDITION_WORDS[name] for name in v["conditions"])
-    verdict = {True: "would hold", None: "would not be known"}.get(v["holds"], "would still be NO")
-    missing = f" ({', '.join(CONDITION_WORDS.get(name, name) for name in v['missing'])})" if v["missing"] else ""
-    return f"with {all_met} mended the guarantee {verdict}{missing}" + (f", at {cost}" if cost else "")
-
-
 ROWS: dict[str, Row] = {
     # Gains
     "phi-exceeded": caution(
-        _mending(
-            "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {allowed:.3g} {unit}",
-            "«phi» data takes φ from the data",
-        )
+        "the model's drift term is off by up to {needed:.3g} {unit}, the gains allow for {allowed:.3g} {unit}; «phi» "
+        "data takes φ from the data"
     ),
     "slope-above-q-max": caution(
-        _mending(
-            "the {reference} is steeper ({slope:.3g} per second) than the gains assume ({Q_M:.3g})",
-            "«reference» {reference} takes Q_M from it",
-        )
+        "the {reference} is steeper ({slope:.3g} per second) than the gains assume ({Q_M:.3g}); «reference» "
+        "{reference} takes Q_M from it"
     ),
     "rho-not-covered": caution(
-        _mending(
-            "ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made "
-            "with {made:.4g}",
-            "«b_hat» minimax closes it",
-        )
+        "ρ does not cover the uncertainty: with B̂ = {B_hat:.4g} the α really reached is {reached:.4g}, ρ was made "
+        "with {made:.4g}; «b_hat» minimax closes it"
     ),
-    "guarantee-mended": note(_mended),
     "b-hat-between-levels": note(
         "B̂ is {B_hat:.4g}, the middle of what the levels need: 1/b0 of the model of all levels, {pooled:.4g}, is over "
         "twice the least, {B_m:.4g}, where no ρ is enough; «b_hat» pooled takes it all the same"
