@@ -50,6 +50,7 @@ class RecordedLog:
     others: Callable[[], Beside] = tuple  # Reads the columns beside it that move
     creep: tuple[float, float] = (0.0, 0.0)  # That was taken off the output, straight and bent (`creep_at`)
     drift: float = 0.0  # By which part its gain grew from begin to end, which was taken off its output
+    jump: tuple[float, float] = (0.0, 0.0)  # Of its zero, taken off its output: when [s since its first row], how far
     limit: float | None = None  # Where its sensor ends: rows that stand there are not known; None: nowhere
     at_limit_pct: float = 0.0
     late_s: float = 0.0  # By which its input was noted late, a part of a row [s]
@@ -244,6 +245,12 @@ def take_off_creep(log: RecordedLog, creep: Array) -> RecordedLog:
     share = (log.time_s - log.time_s[0]) / (log.time_s[-1] - log.time_s[0])
     straight, bent = (np.array(log.creep) + creep).tolist()
     return replace(log, output=log.output - creep_at(share) @ creep, creep=(straight, bent))
+
+
+def take_off_jump(log: RecordedLog, at_s: float, size: float) -> RecordedLog:
+    """The log without a jump of its zero so long after its first row."""
+    behind = log.time_s - log.time_s[0] >= at_s
+    return replace(log, output=log.output - size * behind, jump=(at_s, size))
 
 
 def take_off_drift(log: RecordedLog, drift: float, idle: float) -> RecordedLog:

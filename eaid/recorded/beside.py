@@ -1,4 +1,4 @@
-"""The plant of recorded logs beside what is none of it: creeps of their outputs, drifts and scatter of their gains.
+"""The plant of recorded logs beside what is none of it: jumps and creeps of outputs, drifts and scatter of gains.
 
 Each of these imitates a slow part, falls that differ or a hysteresis. The plant is chosen first; where logs show one of
 them beside it, it is chosen anew without.
@@ -10,7 +10,7 @@ import numpy as np
 
 from eaid.arrays import Array
 from eaid.errors import DataError
-from eaid.estimate.recorded_log import take_off_creep, take_off_drift
+from eaid.estimate.recorded_log import take_off_creep, take_off_drift, take_off_jump
 from eaid.findings import finding
 from eaid.recorded.choice import AS_WELL, choose_among_kinds, choose_kind
 from eaid.recorded.clutch_form import Chosen, input_answers_output, never_comes
@@ -26,18 +26,23 @@ from eaid.recorded.creep import (
 from eaid.recorded.engagements import fit_beside_gains, without_gains
 from eaid.recorded.from_logs import idle_found
 from eaid.recorded.inputs import Experiment
+from eaid.recorded.jump import find_jump, jump_size
 from eaid.recorded.kinds import noise_saves
+from eaid.recorded.left_over import MUCH
 
 DRIFT_ROUNDS = 3  # In which drifts of gains are found
+JUMP_ROUNDS, JUMP_SETTLED = 4, 0.01  # The same of jumps, and the part of one that ends them
 
 
 def choose_plant(experiment: Experiment) -> Chosen:
-    """The plant of the logs, without a creep of their outputs where they show one; loops and steps are not asked. A
-    slow part that comes nowhere within them is a creep's beside one lag, where that explains the logs as well."""
+    """The plant of the logs, without a jump or a creep of their outputs where they show one; loops and steps are not
+    asked. A slow part that comes nowhere within them is a creep's beside one lag, where that explains the logs as well.
+    """
     chosen, logs = choose_among_kinds(experiment), experiment.logs
     steps = len(logs) > 1 and any(log.of_one_level for log in logs)  # whose slow part is a drift, too
     if steps or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
+    experiment, chosen = _choose_behind_jumps(experiment, chosen)
     behind = _choose_behind_creep(experiment, chosen)
     if chosen.searched is None or not never_comes(behind.solved, experiment.inputs):
         return behind
@@ -48,6 +53,25 @@ def choose_plant(experiment: Experiment) -> Chosen:
         return behind
     as_well = other.solved.cost <= AS_WELL * behind.solved.cost
     return other if as_well and not never_comes(other.solved, experiment.inputs) else behind
+
+
+def _choose_behind_jumps(experiment: Experiment, chosen: Chosen) -> tuple[Experiment, Chosen]:
+    """Logs without the jumps of their sensors' zeros, and the plant of these."""
+    logs, again = experiment.logs, chosen
+    found = [find_jump(chosen.solved, log, k) for k, log in enumerate(logs)]
+    for _ in range(JUMP_ROUNDS if any(found) else 0):
+        plain = [log if one is None else take_off_jump(log, *one) for log, one in zip(logs, found, strict=True)]
+        try:
+            again = choose_among_kinds(replace(experiment, logs=plain))
+        except DataError:  # what a log without a jump shows is no reason to refuse it
+            return experiment, chosen
+        more = [0.0 if one is None else jump_size(again.solved, logs[k], k, one[0]) for k, one in enumerate(found)]
+        if not any(one and abs(step) > JUMP_SETTLED * abs(one[1]) for one, step in zip(found, more, strict=True)):
+            break
+        found = [one and (one[0], one[1] + step) for one, step in zip(found, more, strict=True)]
+    if again is chosen or again.solved.cost > (1 - MUCH) * chosen.solved.cost:
+        return experiment, chosen
+    return replace(experiment, logs=plain), again
 
 
 def _choose_behind_creep(experiment: Experiment, chosen: Chosen) -> Chosen:

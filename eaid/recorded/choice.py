@@ -94,7 +94,7 @@ def choose_among_kinds(experiment: Experiment) -> Chosen:
         searched = replace(searched, clutch=clutch)
         ended = refit_with_own_falls(searched, clutch) if experiment.falls else searched.rows
         rows = rank_beside_clutch(replace(searched, rows=tuple(ended)))
-        if rows[0] is not ended[0]:  # the others stand as they were looked at
+        if rows[0] is not ended[0] or not rows[0].solved.fitted.copies:  # the others stand as they were looked at
             rows[0] = refit_on_all(searched.search, rows[0], last=True)
         searched = replace(searched, rows=tuple(rows))
     return choose_kind(searched)

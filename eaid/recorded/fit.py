@@ -42,6 +42,7 @@ from eaid.recorded.fall_tests import fit_with_falls
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, fit_through, idle_found, plant_found, start_states
 from eaid.recorded.held_out import held_out
 from eaid.recorded.inputs import FEW_LEVELS, Experiment, find_inputs, input_findings, refuse
+from eaid.recorded.jump import jump_findings
 from eaid.recorded.left_over import change_findings, column_findings, drift_findings, left_over_findings
 from eaid.recorded.log_intervals import Spread, spread, spread_by_runs
 from eaid.recorded.plant_part import LevelsOwn, OwnRow, find_own_lags, find_own_levels, intervals, plant_part
@@ -97,6 +98,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog, fitted: RecordedLog) -> L
         start=start_states(solved, k),
         creep=fitted.creep,
         drift=fitted.drift,
+        jump=fitted.jump,
         counted_from_s=float(time_s[0] - log.time_s[np.isfinite(log.output)][0]),
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
@@ -403,6 +405,7 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
         findings += [*([] if own is None else own.wide), *of_curves]
     data = data_of_logs(over)
     findings += creep_findings(base, chosen.logs, uncertainty, data.output_unit)
+    findings += jump_findings(chosen.logs, data.output_unit)
     linear = linear_of_logs(over, chosen) if "linear" in wanted else None
     findings += [] if linear is None or linear.bounds is None else bounds_findings(linear.per_level, linear.bounds)
     by_model, friction = "nonlinear" in wanted, None

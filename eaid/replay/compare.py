@@ -3,9 +3,9 @@
 The input of a row acts until the next row's time, each interval exactly, behind the plant's dead time (`respond`), from
 rest at first. A run that may begin loaded (a release, or a first input that is not zero) starts at the two states that
 fit its first held input best (`start_of`), not at its first, noisy sample. A log of the fit itself has the idle output
-and the start that were fitted, is without the creep that the fit is without, and is compared from where the fit does.
-Of another, the recorded output is counted from its idle value: the run's own baseline, else the mean over its leading
-rows at rest, else the plant's.
+and the start that were fitted, is without the creep and the jump that the fit is without, and is compared from where
+the fit does. Of another, the recorded output is counted from its idle value: the run's own baseline, else the mean over
+its leading rows at rest, else the plant's.
 
     difference = recorded − model:   largest, RMS, mean (its sign kept)
     R2                               1 − Σ (recorded − model)² / Σ (recorded − mean recorded)²
@@ -72,7 +72,8 @@ def compared(run: Run, fit: Fit, plant: Plant) -> Record:
     if own is not None:
         level = shift_input(level, own.late_rows)
         share = (run.time_s - run.time_s[0]) / (run.time_s[-1] - run.time_s[0])
-        output = without_drift(run.output, share, own.idle or 0.0, own.drift)
+        jumped = own.jump[1] * (run.time_s - run.time_s[0] >= own.jump[0])
+        output = without_drift(run.output - jumped, share, own.idle or 0.0, own.drift)
         run = replace(run, output=output - creep_at(share) @ np.array(own.creep))
     elif run.sha256 and any(one.sha256 == run.sha256 for one in fit.data.sources):  # a log of its steps
         level = shift_input(level, round(fit.noted_late_s / median(level.dt_s)))

@@ -43,6 +43,8 @@ class LogFit(Result, frozen=True):
     how much farther than half of that it was amid the log."""
     drift: Number = 0.0
     """Part by which its gain grew from its start to its end; the fit is of the gain amid it."""
+    jump: tuple[Number, Number] = (0.0, 0.0)
+    """When the zero of its sensor jumps [s since its first row], and by how much; the fit is without that."""
     counted_from_s: Number = 0.0
     """Time since the first row from which the output is compared: before, an input from before the log acts."""
     late_rows: Number = 0.0

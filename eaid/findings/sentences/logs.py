@@ -224,6 +224,11 @@ ROWS: dict[str, Row] = {
         "up: the fit is of the gain in its middle; record it warmed up",
         rank=0,
     ),
+    "zero-jumps": caution(
+        "{subject}: {at_s:.5g} s after its start the output jumps by {size:+.3g} {unit}, and stays there, which no "
+        "input makes: a sensor's zero that moved, or another load; the fit is without it: see what happened then",
+        rank=0,
+    ),
     "log-creeps": caution(
         "the output creeps by {end:+.3g} {unit} ({low:+.3g} … {high:+.3g}) from the start of the log to its end "
         "({middle:+.3g} amid it) beside its response; the fit is without that creep: let the sensor warm up",
