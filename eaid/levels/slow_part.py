@@ -6,8 +6,9 @@ record lengths, one for all levels, Neyman's score test asks whether the runs re
 
     S = Σ_l mean_r ψ_lr,   Var S = Σ_l Σ_r (ψ_lr − ψ̄_l)²/(R (R − 1)),
 
-lies within t standard deviations of 0. Of single runs Var S is what their ψ scatter over the levels, or the noise
-within them where these are few. At a supposed τ2 that test is right however bent the way from the estimate is.
+lies within t standard deviations of 0, and the squares are fewer than with a τ2 that is rejected. Of single runs Var S
+is what their ψ scatter over the levels, or the noise within them where these are few. At a supposed τ2 that test is
+right however bent the way from the estimate is.
 """
 
 from collections.abc import Sequence
@@ -39,14 +40,16 @@ class SlowPart:
 
 def slow_part(levels: Sequence[Level], steps: StepProblem, x: Array, tested: bool = True) -> SlowPart:
     """Of an estimate x of the levels' τ1(u) and τ2(u), T_s solved for; not `tested`, every τ2 is possible."""
-    record_s = median([level.time_s[-1] for level in levels])
-    found = [steps.at(x).theta[0]]
+    record_s, tried = median([level.time_s[-1] for level in levels]), list[tuple[float, Normal, float, bool]]()
     for length in LENGTHS:
-        supposed = _with_tau2(steps, x, length * record_s)
-        if supposed is not None and not (tested and _rejects(levels, steps, supposed)):
-            found.append(supposed.theta[0])
-            last = length
-    endless = len(found) > 1 and last == LENGTHS[-1]
+        if (supposed := _with_tau2(steps, x, length * record_s)) is not None:
+            cost = float(steps.weight @ supposed.cost)
+            tried.append((length, supposed, cost, tested and _rejects(levels, steps, supposed)))
+    # between two rejected ones, or beyond, the slope may be 0 where the squares are at their most
+    most = min((cost for *_, cost, rejected in tried if rejected), default=np.inf)
+    possible = [(length, one) for length, one, cost, rejected in tried if not rejected and cost < most]
+    found = [steps.at(x).theta[0], *(one.theta[0] for _, one in possible)]
+    endless = LENGTHS[-1] in [length for length, _ in possible]
     if endless:
         beyond = _with_tau2(steps, x, 1e3 * record_s)
         found += [] if beyond is None else [beyond.theta[0]]
