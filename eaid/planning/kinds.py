@@ -142,8 +142,9 @@ def session_widths(p: Plant, noise: Noise, runs: Sequence[PlannedRun], k: int, s
     levels = np.unique(inputs[inputs > 0])
     fastest = float(np.min(p.time_constants(levels)[0]))
     step_s = min(fastest / PER_LAG, min(run.hold_s for run in runs) / FEWEST_SAMPLES)
+    at = step_s * np.round(at / step_s)  # a change between two rows would be noted late
     time_s = np.arange(round(at[-1] / step_s)) * step_s
-    place = np.searchsorted(at, time_s, side="right") - 1
+    place = np.searchsorted(at, time_s + 0.5 * step_s, side="right") - 1
     gains = 1 + noise.scatter["Ts"] * random.standard_normal(len(runs) + 1)
     output = respond(p, at, inputs, time_s) * gains[np.cumsum(inputs > 0)[place]]
     white, share = random.standard_normal((2, len(time_s)))

@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from eaid.arrays import best_gain, white_squares
+from eaid.arrays import best_gain, median, white_squares
 from eaid.errors import DataError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog, add_rest, logs_of_steps
@@ -33,6 +33,7 @@ from eaid.recorded.inputs import Experiment
 from eaid.recorded.kinds import solve_gain
 from eaid.recorded.plant_part import levels_of_plant
 from eaid.results.fit import Fit
+from eaid.results.models import Noise
 from eaid.results.verdict import judged
 from eaid.shapes.delay import cut_behind
 from eaid.steps.stepset import StepSet, as_late
@@ -199,4 +200,9 @@ def put_in_its_place(other: Fit, fit: Fit, stepset: StepSet) -> Fit:
     changed: dict[str, Any] = {"nonlinear": other.nonlinear, "linear": other.linear, "release": release}
     changed["friction"] = levels_of_plant(named, fit.data.levels)
     changed["converged"] = other.converged
+    if fit.uncertainty is not None and other.uncertainty is not None and other.uncertainty.noise is not None:
+        seen, runs = other.uncertainty.noise, median([len(level.runs) for level in stepset.levels])  # of their means
+        scatter = seen.scatter if fit.uncertainty.noise is None else fit.uncertainty.noise.scatter
+        noise = Noise(runs * seen.sensor_nm2_s, runs * seen.ripple_s, scatter)
+        changed["uncertainty"] = msgspec.structs.replace(fit.uncertainty, noise=noise)
     return judged(msgspec.structs.replace(fit, plant_=named, **changed, findings=ranked([*kept, *told])))

@@ -69,6 +69,18 @@ def test_a_session_is_planned_of_every_kind(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_simulated_sessions_of_every_kind_tell_what_information_does(kind: str) -> None:
+    """Of one lag they told ten times less: their inputs changed between two rows, and were noted late."""
+    noise = Noise(1e-6, 1e-6, {"Ts": 0.01, "tau1": 0.0, "tau2": 0.0})
+    plant = FittedPlant.of(replace(KINDS[kind], tau1=(0.997 * KINDS[kind].tau1[0],)), ("%", "N·m"))
+    fit = Fit(data=FittedData(levels=(10.0, 100.0)), plant_=plant, uncertainty=Uncertainty(noise=noise))
+    simulated, informed = (eaid.plan(fit, check=check, most_levels=8) for check in (True, False))
+    assert (simulated.repeats, simulated.hold_s) == (informed.repeats, informed.hold_s)
+    for name, width in informed.half_width_pct.items():
+        assert 0.4 < simulated.half_width_pct[name] / width < 2.5, name
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_information_of_every_kind_is_that_of_finite_differences(kind: str) -> None:
     """Variances by white noise of two steps, their idle and release, by differences of `respond`."""
     plant, noise = KINDS[kind], Noise(1e-4, 0.0, {"Ts": 0.0, "tau1": 0.0, "tau2": 0.0})
