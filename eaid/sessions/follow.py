@@ -17,7 +17,7 @@ import numpy as np
 
 from eaid.errors import DataError, UsageError
 from eaid.levels.workflow import fit_steps
-from eaid.logs.folders import files_of
+from eaid.logs.folders import files_of, logs_meant
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.options import FitOptions, ReadOptions
@@ -89,13 +89,14 @@ def followed(
     def lasts_s(file: Path) -> float:
         held.pop(file, None)
         with suppress(DataError):
-            held[file] = read_runs([file], reading)
+            held[file] = read_runs(*logs_meant([file], reading, unheard))
         return max((float(run.time_s[-1] - run.time_s[0]) for run in held.get(file, ())), default=0.0)
 
     for file in whole_files(paths, silence_s, lasts_s):
         try:
-            runs = held.pop(file, None) or read_runs([file], reading)
-            fit = fit_steps(steps := steps_in(runs, reading)[1], FitOptions(model=("friction",)))
+            logs, how = logs_meant([file], reading, unheard)  # with what a dataset.toml beside it says
+            runs = held.pop(file, None) or read_runs(logs, how)
+            fit = fit_steps(steps := steps_in(runs, how)[1], FitOptions(model=("friction",)))
             fit = on_plant(rig.base, fit, steps) if rig is not None and rig.base is not None else fit
         except DataError as fault:
             unread.add(file)
@@ -147,6 +148,10 @@ def _line_without_step(run: Run) -> str:
         f"{run.where}: {run.time_s[-1] - run.time_s[0]:.3g} s, {inputs}, {outputs}; not a step from rest, for which "
         "alone a value is expected; the fit at the end takes it"
     )
+
+
+def unheard(_: str) -> None:
+    """The fit at the end says what is left out."""
 
 
 def planned(path: Path) -> list[tuple[float, float]]:

@@ -211,6 +211,20 @@ def test_a_folder_is_followed_step_by_step_and_then_fitted(folder, run_eaid, mak
     assert told.code in (0, 4) and (tmp_path / "fit.json").is_file() and "left out: notes.csv" in told.err
 
 
+def test_a_folder_with_a_manifest_is_followed_as_that_says(run_eaid, make, tmp_path, monkeypatch):
+    """Nine of ten good logs were left out as such that say no level."""
+    monkeypatch.setattr(follow, "LOOK_S", 0.05)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "live").mkdir()
+    (frame,) = make(95, 0.1, levels=(60.0,), repeats=1).values()
+    frame.columns = ["Temps (s)", "Commande (%)", "Couple (N.m)"]
+    frame.assign(Couple2=frame["Couple (N.m)"] / 2).to_csv(tmp_path / "live" / "a.csv", index=False)
+    columns = 'input="Commande (%)",output="Couple (N.m)"'
+    run_eaid("ingest", "live", "--columns", columns, "--write-manifest", "-o", "data.h5")
+    told = run_eaid("fit", "live", "--follow", "0.4", "-o", "fit.json").err
+    assert "60 %: T_s" in told and "record it again" not in told
+
+
 def test_a_log_without_a_step_from_rest_gets_its_line_too(run_eaid, tmp_path, monkeypatch):
     monkeypatch.setattr(follow, "LOOK_S", 0.05)
     monkeypatch.chdir(tmp_path)
