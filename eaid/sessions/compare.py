@@ -38,6 +38,7 @@ from eaid.sessions.gather import (
     NO_INTERVAL,
     RESPONSES,
     SessionValue,
+    of_whole_plant,
     plant_moved,
     snapped,
     told_together,
@@ -52,7 +53,7 @@ MOVED_CHANCE = 0.05
 SAME_B = 1.05  # Factor by which a B is no other, where all levels that gains were made for have the same one
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
 LETTERS = (*ascii_uppercase, *("".join(two) for two in product(ascii_uppercase, repeat=2)))
-CALLED = SYMBOLS | {"held": "held output", "peak": "peak"}
+CALLED = SYMBOLS | {"omega": "ω", "held": "held output", "peak": "peak"}
 
 
 class Change(Result, frozen=True):
@@ -102,7 +103,7 @@ class Shift(Result, frozen=True):
         of_all = "" if self.moved or self.low <= 1 <= self.high else ", being one of several numbers"
         said = f"{CALLED[self.quantity]} {_pct(self.ratio)} % ({ends}; p {self.p:.2g}{of_all})"
         if self.p_alike is None:
-            return f"{said}, seen at {self.levels[0].level:.4g} only"
+            return said + (f", seen at {self.levels[0].level:.4g} only" if self.levels else "")
         if self.alike:
             return f"{said}, alike at all levels (p {self.p_alike:.2g})"
         rising = sorted(self.levels, key=lambda one: one.ratio)
@@ -251,10 +252,11 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     Q = _unlike(delta - m, apart, weight, spare)
     reach = stdtrit(welch, 0.975) * np.sqrt(own)
     rows = zip(levels, *np.exp([delta, delta - reach, delta + reach]).tolist(), strict=True)
+    changes = () if of_whole_plant(one, quantity) else tuple(Change(*row) for row in rows)
     ratio, low, high = np.exp(m + np.array([0.0, -1.0, 1.0]) * stdtrit(degrees, 0.975) * error).tolist()
     alike = float(fdtrc(spare, float(welch.min()), Q / spare)) if spare else None
     p = chance_beyond(m / error, degrees)
-    return Shift(quantity, letter, ratio, low, high, p, alike, degrees, tuple(Change(*row) for row in rows))
+    return Shift(quantity, letter, ratio, low, high, p, alike, degrees, changes)
 
 
 def _session_covariance(fit: Fit, quantity: str, values: Sequence[SessionValue]) -> tuple[Array, Array, int]:

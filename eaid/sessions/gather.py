@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,14 @@ from eaid.results import codec
 from eaid.results.common import Input, Number, Positive, Result
 from eaid.results.fit import Fit
 from eaid.results.models import CurveLevel, LevelIntervals
+from eaid.results.plant import names_of
 from eaid.shown import pandas
 
 RIG_NAME = "the rig"  # What a fit of today is held against, which says itself what it foresees
 NO_RIG = 30.0  # Factor between T_s of two sessions that is another unit: mountings differ by 4
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
+OF_PLANT = ("a0", "omega", "zeta", "dead_time_s")  # Numbers of all levels
 # A dead time is another from so much of τ1 on, C and ζ from so much
 LEAST_LATE, LEAST_APART_C, LEAST_APART_ZETA = 0.05, 0.03, 0.05
 ASSUMED_DEGREES = 2.0  # Degrees of freedom of a scatter that was assumed: rigs have a half to twice of it
@@ -59,12 +62,14 @@ class Session(Result, frozen=True):
 
 
 def values_of_fit(fit: Fit, name: str, session: str, of_one_run: bool = False) -> list[SessionValue]:
-    """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or a0 (of level 1), as its data tell; those
-    without an interval only where they may be `of_one_run`, as if they were certain."""
+    """A fit's T_s, τ1, τ2, B of its levels, what they held and their peaks, or what its plant has as a whole (of level
+    1), as its data tell; those without an interval only where they may be `of_one_run`, as if they were certain."""
     linear, pooled = fit.linear, sum(max(one.runs - 1, 0) for one in fit.responses)
     most = ASSUMED_DEGREES if assumes_scatter(fit) else MANY
     rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
-    if name in RESPONSES:
+    if name != "a0" and of_whole_plant(fit, name):
+        rows = [(1.0, _numbers_of_plant(fit))]
+    elif name in RESPONSES:
         rows = [(row.level, row) for row in fit.responses]
     elif name != "a0":
         levels = fit.level_values if name != "B" else linear.per_level if linear is not None else ()
@@ -119,6 +124,22 @@ def unseen_scatter(fit: Fit, name: str) -> float:
         return 0.0
     each = [USUAL if part == "Ts" else USUAL_TAU for part in PARTS.get(name, ("Ts",))]
     return float(np.hypot.reduce(each) / np.sqrt(max(fit.recorded.engagements, 1)))
+
+
+def of_whole_plant(fit: Fit, name: str) -> bool:
+    """Whether a number of a fit is one of all levels."""
+    part = fit.another_plant
+    of_lags = part is not None and part.zeta is not None and name in names_of(part.plant)
+    return of_lags or name in OF_PLANT
+
+
+def _numbers_of_plant(fit: Fit) -> Any:
+    """What a plant of another kind than the clutch's has as a whole, with its intervals, as a row of a level has it."""
+    part = fit.another_plant
+    numbers = {} if part is None or part.paced else part.numbers
+    none = dict.fromkeys((*OF_PLANT, *CURVES), (None, None))
+    values, ends = ({name: one[k] for name, one in (none | numbers).items()} for k in (0, 1))
+    return SimpleNamespace(**values, ci95=SimpleNamespace(**ends))
 
 
 def of_another_plant(fit: Fit) -> list[tuple[float, CurveLevel]]:

@@ -21,7 +21,7 @@ from eaid.results.fit import Fit
 from eaid.results.statistics import as_numbers
 from eaid.results.verdict import FACTOR
 from eaid.sessions import gather
-from eaid.sessions.gather import RESPONSES, Session, SessionValue
+from eaid.sessions.gather import OF_PLANT, RESPONSES, Session, SessionValue
 from eaid.sessions.model import NO_STEPS, KnownValues, Next, SessionModel, as_known, steps_known
 from eaid.shown import Plotted, counted, pandas
 
@@ -33,7 +33,7 @@ TREND_CHANCE = 0.05
 BEYOND = 1.25  # Factor by which a level may lie beyond those of the sessions
 COMPONENTS = ("gain", "tilt", "session × level")
 # What is known of each session; the first one has to be
-SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", "a0", *RESPONSES)
+SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", *OF_PLANT, *RESPONSES)
 
 
 class SessionScatter(Result, frozen=True):
@@ -250,7 +250,8 @@ def rig_of_fits(fits: Mapping[str, Fit], options: SessionsOptions) -> Rig:
     base = max(reversed(sound), key=lambda fit: (fit.nonlinear is not None, len(fit.data.levels)))
     others = ((name, fit) for name, fit in fits.items() if fit is not base)
     told += [one for name, fit in others for one in gather.plant_moved(f"session {name}", fit, base)]
-    units = {"tau1": "s", "tau2": "s", "a0": "1/s", **dict.fromkeys(("Ts", *RESPONSES), base.data.output_unit)}
+    seconds = dict.fromkeys(("tau1", "tau2", "dead_time_s"), "s")
+    units = {**seconds, "a0": "1/s", "omega": "rad/s", **dict.fromkeys(("Ts", *RESPONSES), base.data.output_unit)}
     found = {}
     for name in SESSION_NUMBERS:
         of_runs = gather.run_scatter([fit for fit in fits.values() if not gather.of_single_runs(fit)], name)

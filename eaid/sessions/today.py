@@ -7,11 +7,13 @@ so that drawn plants are those of the next session. B_m and B_M are the outermos
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace as plain_replace
 from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 from scipy.linalg import block_diag
+from scipy.optimize import minimize_scalar
 from scipy.special import stdtrit
 
 from eaid.arrays import Array, best_gain, median
@@ -23,6 +25,7 @@ from eaid.estimate.spread import log_interval_of
 from eaid.findings import Finding, finding, ranked, stops
 from eaid.levels.workflow import fit_steps
 from eaid.options import FitOptions, ReadOptions
+from eaid.plant.dynamics import Plant
 from eaid.plant.forms import scales, terms
 from eaid.plant.respond import from_rest
 from eaid.plant.steps import decay
@@ -31,15 +34,17 @@ from eaid.results import models as parts
 from eaid.results.fit import Fit
 from eaid.results.models import LevelIntervals
 from eaid.results.parameters import parameters_of
-from eaid.results.plant import FittedPlant, PlantIntervals, names_of
+from eaid.results.plant import FittedPlant, PlantIntervals, names_of, number_at
 from eaid.results.responses import LevelResponse, ResponseIntervals, responses_of
 from eaid.sessions.gather import (
     MANY,
     NO_INTERVAL,
+    OF_PLANT,
     RESPONSES,
     RIG_NAME,
     logs_of,
     of_another_plant,
+    of_whole_plant,
     told_together,
     values_of_fit,
 )
@@ -52,6 +57,8 @@ AS_READ = ("signs-turned", "input-late")  # How the plant takes a log, which a f
 INPUTS_DRAWN = 11  # Over the range, beside the levels, through which a curve is put
 # Part of τ1 by which a step's dead time may lie off the plant's; factor by which τ1 may lie off a step's interval
 LATE_PART, TAU_SCATTER = 0.1, 1.05
+# How far off the sessions' pace a step's is looked for, and at how many, in the logarithm; of its derivative
+FARTHEST_PACE, PACES_TRIED, PACE_STEP = 1.1, 23, 1e-4
 NextByName = Mapping[str, Next]  # What the sessions know, by its name
 
 
@@ -89,10 +96,11 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
             f"no reference step is at a level that shares a session with those of the rig's plant ({there}), and "
             "another tells nothing of them; record one there"
         )
-    foreseen = {
-        name: rig.foreseen(np.ones(1) if name == "a0" else levels, steps[name], name) for name in rig.quantities
-    }
-    made = _with_linear(_with_plant(_with_levels(base, rows, foreseen), rows, foreseen), rows, foreseen)
+    whole = {name for name in rig.quantities if of_whole_plant(base, name)}
+    known = {name: rig.foreseen(np.ones(1) if name in whole else levels, steps[name], name) for name in rig.quantities}
+    foreseen, of_all = ({name: one for name, one in known.items() if (name in whole) is to} for to in (False, True))
+    made = _with_levels(base, rows, foreseen)
+    made = _with_linear(_with_plant(made, rows, foreseen, of_all), rows, foreseen, of_all.get("a0"))
     uncertainty = replace(base.uncertainty or parts.Uncertainty(), ci="sessions", share=None, lack_of_fit=())
     own = {"sources": shown.data.sources, "inputs": shown.data.inputs}
     data = replace(base.data, **own, repeats=(), samples=(), replayed=())
@@ -104,7 +112,7 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     if made.plant_ is not None and late_s is not None:
         made = replace(made, plant_=replace(made.plant_, dead_time_s=late_s))
     read = [one for one in shown.findings if one.code in AS_READ]
-    told = ranked((*_today_findings(rig, steps["Ts"], foreseen), *moved, *read, *stops(shown.findings)))
+    told = ranked((*_today_findings(rig, steps["Ts"], known), *moved, *read, *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
     replayed = () if isinstance(step, Fit) else of_own_logs(made, step.logs)
     return replace(made, parameters=parameters_of(made), data=replace(data, replayed=replayed))
@@ -146,27 +154,75 @@ def _fitted(base: Fit, steps: StepSet) -> Fit:
 
 def on_plant(base: Fit, shown: Fit, steps: StepSet) -> Fit:
     """A fit of steps with T_s of each level as the lags of a rig that is no clutch make it: its plant's response, with
-    the gain that is nearest to the step, known as the noise of what that leaves tells."""
+    the gain that is nearest to the step, known as the noise of what that leaves tells; but of an overshoot, and lags
+    over the input, at the pace that is nearest, which becomes that of its plant."""
     if (part := base.another_plant) is None or shown.friction is None:
         return shown
     means, rows = {level.level: (level.time_s, level.mean) for level in steps.levels}, []
+    free, paces = part.kind in ("lag", "series", "ringing") and not part.paced, list[tuple[float, float]]()
     for row in shown.friction.levels:
         if row.from_ == 0 and row.Ts and row.level in means:
-            time_s, y = means[row.level]
-            f = from_rest(part.plant, time_s, row.level)
-            gain = best_gain(f, y)
-            moved = bartlett_variance(time_s, ((y - gain * f) * f)[:, None]).max() / max(float(f @ f), 1e-300) ** 2
-            Ts, sd_log = gain * float(part.plant.steady(row.level)), float(np.sqrt(moved)) / max(abs(gain), 1e-300)
+            plant = plain_replace(part.plant, dead_time_s=row.delay_s if part.dead_time_s > 0 else 0.0)
+            gain, pace, sd = _gain_and_pace(plant, row.level, *means[row.level], free=free)
+            Ts, sd_log = gain * float(part.plant.steady(row.level)), sd[0] / max(abs(gain), 1e-300)
             ends = LevelIntervals(log_interval_of(Ts, sd_log**2, np.inf))
-            row = replace(row, Ts=Ts, ci95=ends if row.ci95 is None else replace(row.ci95, Ts=ends.Ts))
+            ends = ends if row.ci95 is None else replace(row.ci95, Ts=ends.Ts)
+            if free:
+                paces.append((sd[1], pace))
+                tau1 = float(np.exp(pace)) * float(part.plant.time_constants(row.level)[0])
+                row = replace(row, tau1=tau1)
+                ends = replace(ends, tau1=log_interval_of(tau1, sd[1] ** 2, np.inf))
+            row = replace(row, Ts=Ts, ci95=ends)
         rows.append(row)
-    return replace(shown, friction=replace(shown.friction, levels=tuple(rows)))
+    own = _at_pace(part, *min(paces)) if paces else None
+    return replace(shown, friction=replace(shown.friction, levels=tuple(rows)), plant_=own)
+
+
+def _gain_and_pace(
+    plant: Plant, level: float, time_s: Array, y: Array, free: bool
+) -> tuple[float, float, list[float]]:  # fmt: skip
+    """The gain that brings a plant's response nearest to a step, the logarithm of the factor on its time constants that
+    does (0 where that is not `free`), and the standard deviations of both, (2,)."""
+
+    def response(pace: float) -> Array:
+        return from_rest(_paced(plant, pace), time_s, level)
+
+    def left(pace: float) -> float:
+        f = response(pace)
+        return float(np.sum((y - best_gain(f, y) * f) ** 2))
+
+    pace = 0.0
+    if free:
+        tried = np.linspace(-FARTHEST_PACE, FARTHEST_PACE, PACES_TRIED)
+        near = float(tried[np.argmin([left(one) for one in tried.tolist()])])
+        about = near + np.array([-1.0, 1.0]) * (tried[1] - tried[0])
+        pace = float(minimize_scalar(left, bounds=about.tolist(), method="bounded", options={"xatol": 1e-6}).x)
+    f = response(pace)
+    gain, slope = best_gain(f, y), (response(pace + PACE_STEP) - response(pace - PACE_STEP)) / (2 * PACE_STEP)
+    J = np.stack([f, gain * slope] if free else [f], axis=1)
+    moved = np.linalg.pinv(J) * (y - gain * f)
+    return gain, pace, np.append(np.sqrt(bartlett_variance(time_s, moved.T).max(axis=0)), 0.0)[:2].tolist()
+
+
+def _paced(plant: Plant, pace: float) -> Plant:
+    """A plant whose time constants are e^pace times as long."""
+    tau1, tau2 = (tuple(float(np.exp(pace)) * one for one in tau) for tau in (plant.tau1, plant.tau2))
+    return plain_replace(plant, tau1=tau1, tau2=tau2)
+
+
+def _at_pace(part: FittedPlant, sd: float, pace: float) -> FittedPlant:
+    """A plant with the pace of a step, and the lags' intervals by that."""
+    own, names = _paced(part.plant, pace), set(names_of(part.plant)) & {"tau1", "tau2", "omega"}
+    ends: dict[str, Any] = {
+        name: log_interval_of(number_at(own, name, part.u_range[1]), sd**2, np.inf) for name in names
+    }
+    return replace(part, tau1=own.tau1, ci95=PlantIntervals(**ends))
 
 
 def _steps(rig: Rig, shown: Fit, name: str) -> KnownValues:
     """What the reference steps say of a number: known no better than so many runs are, however quiet one is. Of a0 of
-    one level nothing: it is another number than that of all."""
-    if name == "a0":
+    one level, and of a damping, nothing: it is another number than that of all."""
+    if name in OF_PLANT and name != "omega":
         return NO_STEPS
     values, data = values_of_fit(shown, name, "", of_one_run=name in ("Ts", *RESPONSES)), shown.data
     known = []
@@ -233,8 +289,9 @@ def _with_levels(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
     return replace(base, friction=parts.Friction(base.friction.C, base.friction.over, tuple(levels)))
 
 
-def _with_plant(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
-    """The fit with its plant's curves put through the foreseen values, and the covariance of these."""
+def _with_plant(base: Fit, rows: Sequence[Any], foreseen: NextByName, of_all: NextByName) -> Fit:
+    """The fit with its plant's curves put through the foreseen values, and the covariance of these; of another kind
+    with the numbers `of_all` levels."""
     plant, model = base.plant_ or base.nonlinear, base.nonlinear
     if plant is None:
         return base
@@ -258,8 +315,9 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
     through = foretold if plant.Ts_through else ()
     if (part := base.plant_) is not None:
         each = foretold if part.Ts_levels else ()
-        known = _of_another_kind(part, rows, foreseen) if part.another else None
-        base = replace(base, plant_=replace(part, ci95=known, Ts_through=through, Ts_levels=each, **curves))
+        whole = _lags_of_another_kind(of_all) if part.another else {}
+        known = _of_another_kind(part, rows, foreseen, of_all) if part.another else None
+        base = replace(base, plant_=replace(part, ci95=known, Ts_through=through, Ts_levels=each, **curves | whole))
     if model is None:
         return base
     own_curves = {name: getattr(model, name) for name in CURVES_ORDER} | curves
@@ -271,25 +329,40 @@ def _with_plant(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
     return replace(base, nonlinear=with_intervals(plain, shown, block_diag(*blocks.values()), degrees))
 
 
-def _of_another_kind(part: FittedPlant, rows: Sequence[Any], foreseen: NextByName) -> PlantIntervals:
-    """The intervals of a plant that is no clutch: of T_s, and τ1, the next session's, the others those of the base."""
+def _of_another_kind(
+    part: FittedPlant, rows: Sequence[Any], foreseen: NextByName, of_all: NextByName
+) -> PlantIntervals:  # fmt: skip
+    """The intervals of a plant that is no clutch: those of the next session where it is foreseen, else of the base."""
     before, by_level = part.ci95 or PlantIntervals(), dict[str, tuple[tuple[float, float, float], ...]]()
     for name in ("Ts", "tau1"):
         if (one := foreseen.get(name)) is not None:
             by_level[name] = tuple((row.level, *ends) for row, ends in zip(rows, one.ends.T.tolist(), strict=True))
     top, low, high = by_level["Ts"][-1]
     tau1 = by_level["tau1"][-1][1:] if "tau1" in by_level else before.tau1
-    return replace(before, gain=(low / top, high / top), tau1=tau1, levels={**before.levels, **by_level})
+    own = {"tau1": tau1} | {name: tuple(one.ends[:, 0].tolist()) for name, one in of_all.items() if name != "a0"}
+    return replace(before, gain=(low / top, high / top), levels={**before.levels, **by_level}, **own)
 
 
-def _with_linear(base: Fit, rows: Sequence[Any], foreseen: NextByName) -> Fit:
+def _lags_of_another_kind(of_all: NextByName) -> dict[str, Any]:
+    """What of a plant that is no clutch is foreseen as a whole: ω and ζ, also of two lags in series; a dead time."""
+    value = {name: float(one.value[0]) for name, one in of_all.items()}
+    found: dict[str, Any] = {name: value[name] for name in ("zeta", "dead_time_s") if name in value}
+    if "omega" in value:
+        found["tau1"] = (1 / value["omega"],)
+    if "tau1" in value and "tau2" in value:
+        root, mean = (value["tau1"] * value["tau2"]) ** 0.5, (value["tau1"] + value["tau2"]) / 2
+        found |= {"tau1": (root,), "zeta": mean / root}
+    return found
+
+
+def _with_linear(base: Fit, rows: Sequence[Any], foreseen: NextByName, a0: Next | None) -> Fit:
     """The fit with a linear model whose gain follows T_s, and with B of the next session; where sessions do not know B,
     which goes with τ1/T_s, as T_s and its interval, and τ1 where they know that, make it."""
     old = base.linear
     if old is None or not old.a0 > 0:
         return base
     Ts, tau1, before = foreseen["Ts"], foreseen.get("tau1"), {row.level: row for row in old.per_level}
-    level, moved, a0 = [], [], foreseen.get("a0")
+    level, moved = [], []
     for k, row in enumerate(rows):
         if row.level not in before or not (own_B := before[row.level].B):
             continue
