@@ -290,6 +290,8 @@ LAST_STEP_PART = 1e-4
 # A fit has converged where the Newton step would lower the cost by less than this part: where τ2 meets τ1 rounding
 # keeps some 1e-9 out of reach
 CONVERGED = 1e-8
+# At a bend of the cost, as where a state turns from rising to falling at a row, it predicts up to this part
+MOST_AT_BEND = 1e-4
 
 
 def polish(
@@ -316,6 +318,10 @@ def polish(
         x, cost, gradient = reached, lower, slope
         step = newton_step(problem, x, gradient, problem.curvature(x))
     predicted = step.decrease / max(cost, problem.floor) if step.decrease > 0 else 0.0
+    if CONVERGED < predicted < MOST_AT_BEND and all(
+        problem.value(draw_back_inside(problem, x, x + length * step.d))[0] > cost for length in (1e-3, 1e-4)
+    ):
+        predicted = 0.0  # down a slope there is always a way: the cost has a bend here, which no derivative tells
     if step.decrease <= SOLVE_SETTLED * cost and (np.abs(step.d) <= LAST_STEP_PART * np.abs(x)).all():
         x = draw_back_inside(problem, x, x + step.d)  # the cost shows no difference any more, the unknowns do
     near = np.flatnonzero(problem.A @ x - problem.b < rounding(problem))

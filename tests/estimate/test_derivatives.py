@@ -134,3 +134,17 @@ def test_nothing_left_is_not_divided_by() -> None:
     problem = bowl(left=0.0)
     end = slsqp(problem, EndPoint(CENTRE.copy(), 0.0, 1))
     assert end.cost == 0.0 and polish(problem, end)[1] == 0.0
+
+
+@pytest.mark.parametrize("bend", [0.03, 0.0])
+def test_a_bend_of_the_cost_is_an_end(bend: float) -> None:
+    """1 + (x − 0.31)²/2 + b |x − 0.3|/2, least at its bend: a good log was refused, as its fit had not converged."""
+
+    def normal(x: Any) -> tuple[float, Any, Any]:
+        off = x - 0.31
+        slope = off + 0.5 * bend * np.where(x < 0.3, -1.0, 1.0)
+        return float(1 + 0.5 * off @ off + 0.5 * bend * np.abs(x - 0.3).sum()), slope, np.eye(1)
+
+    problem = Problem(normal, np.zeros((0, 1)), np.zeros(0), str)
+    end, predicted, _ = polish(problem, EndPoint(np.array([0.3 if bend else 0.2]), 2.0, 0))
+    assert predicted == 0 and end.x[0] == pytest.approx(0.3 if bend else 0.31, abs=1e-9)
