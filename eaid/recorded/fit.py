@@ -370,7 +370,8 @@ def fit_of(experiment: Experiment, chosen: Chosen) -> Fit:
     wanted = options.model or ("friction", "nonlinear", "linear")
     findings = [*input_findings(experiment), *find_parted_logs(logs)]
     if experiment.inputs.stepwise and 1 < (count := len(experiment.inputs.levels)) < CHECK_A_CURVE:
-        bent = model.Ts is not None and model.Ts.size > 1
+        sizes = [form.size for form in (model.Ts, model.tau1, model.tau2) if form is not None and form.size > 1]
+        bent = max(sizes, default=0) >= count * (1 + model.signed)
         findings += [finding("few-levels-for-polynomials", "nonlinear", count=count)] if bent else []
     if not experiment.rests:  # another kind's T_s goes through rest, and tells the idle output so
         code = "idle-not-seen" if model.kind == "parallel" else "rest-not-seen"

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 
 AS_PRINTED = 1e-4  # Part of an input within which it is that of the table
+ENDS_MEASURED = 2e-3  # Part of the largest input by which one may lie beyond the ends that were measured
 
 
 class Parameter(Result, frozen=True):
@@ -66,6 +67,12 @@ class FitGiven(FitOptions):
     """All that a fit was given, the reading of its logs too, so that it can be done again."""
 
     reading: dict[str, str | float | bool | None] = field(default_factory=dict)
+
+
+def _within(u: float, known: Sequence[float]) -> bool:
+    """Whether an input lies within those that are known, or next to them by what measured ones are off."""
+    play = ENDS_MEASURED * max(known)
+    return min(known) - play <= u <= max(known) + play
 
 
 class Fit(Plotted, codec.Saved, Made, frozen=True):
@@ -191,7 +198,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         found: dict[str, tuple[float | None, ...]]
         if other is None and rows.keys() >= SYMBOLS.keys():
             found = {name: (rows[name].value, rows[name].low, rows[name].high) for name in SYMBOLS}
-        elif part is None or not part.u_range[0] <= (abs(level) if signed else level) <= part.u_range[1]:
+        elif part is None or not _within(abs(level) if signed else level, part.u_range):
             inside = "" if part is not None else "the levels "
             raise self._outside("level", level, self.data.levels if part is None else part.u_range, inside)
         elif isinstance(part, FittedPlant):
@@ -300,7 +307,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         known = self.data.levels if self.recorded is None else self.recorded.u_range
         signed = chosen == statistics.PLANT and bool(self.plant.Ts_below)
         for u in inputs:
-            if known and not min(known) <= (abs(u) if signed else u) <= max(known):
+            if known and not _within(abs(u) if signed else u, known):
                 raise self._outside("duty", u, known)
         return pandas.DataFrame(
             np.column_stack([self.curve(chosen, u, np.maximum(time_s, 0.0)) for u in inputs]),

@@ -20,7 +20,7 @@ from scipy.special import fdtrc, stdtrit
 from eaid.arrays import Array
 from eaid.control.defaults import input_limits
 from eaid.control.gains import law_of, plant_of, refuse_other_units
-from eaid.control.margins import enough, least_margins, points_of
+from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, enough, least_margins, points_of
 from eaid.errors import DataError, in_python
 from eaid.estimate.coefficients import CURVES_ORDER
 from eaid.findings import sentences
@@ -201,8 +201,9 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 def _margins_said(one: Margin) -> str:
     if not one.stable:
         return "unstable"
-    parts = ((one.gain_db, " dB"), (one.phase_deg, "°"))
-    return " and ".join(f"{value:.2g}{unit}" for value, unit in parts if value is not None)
+    parts = ((one.gain_db, ENOUGH_DB, " dB"), (one.phase_deg, ENOUGH_DEG, "°"))
+    lacking = ((value, unit) for value, least, unit in parts if value is not None and value < least)
+    return " and ".join(f"{np.floor(10 * value) / 10:.3g}{unit}" for value, unit in lacking)
 
 
 def _pct(ratio: float) -> str:

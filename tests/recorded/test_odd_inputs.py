@@ -515,6 +515,8 @@ def test_the_noise_of_a_held_input_that_was_measured_is_no_input(noise):
     assert fit.plant.kind == "lag" and low < 95 < high < 1.01 * low
     (replayed,) = run.records.values()
     assert replayed.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
+    for end in (u[u > 0].min(), u.max()):  # which were measured a little apart from these
+        assert fit.at(end).loc["Ts", "value"] == pytest.approx(95 * end, rel=0.01) and len(fit.predict(end, [1.0]))
 
 
 def test_an_input_that_moves_or_answers_the_output_is_taken_as_it_is():
