@@ -13,7 +13,7 @@ import numpy as np
 from eaid.arrays import Array, means_of
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
-from eaid.recorded.from_logs import ROWS_AT_ONCE, Solved, plant_found
+from eaid.recorded.from_logs import Solved, plant_found
 
 MOST_JUMP_ROWS = 20_000  # Means of a log by which it is looked for, or somewhat more
 SIDES = (10, 30, 100)  # Rows on either side of a jump whose means are compared
@@ -60,9 +60,12 @@ def _free_of_unknowns(solved: Solved, log: RecordedLog, k: int) -> tuple[Array, 
     """Recorded less model of a log without what its unknowns explain, (n,), what these leave of the square of a step at
     each row, (n,), and how many rows each is the mean of."""
     setup, rows = solved.setup, max(1, len(solved.outputs[k]) // MOST_JUMP_ROWS)
-    J = np.concatenate(
-        [means_of(block, rows) for block in setup.derivatives(solved.x, k, rows=ROWS_AT_ONCE // rows * rows)]
-    )
+    means, begun = list[Array](), np.zeros((0, 0))
+    for block in setup.derivatives(solved.x, k):
+        whole = np.concatenate([begun, block]) if len(begun) else block
+        means.append(means_of(whole, rows))
+        begun = whole[len(whole) // rows * rows :]
+    J = np.concatenate(means)
     r = -J[:, -1] / log.weight**0.5
     basis = np.linalg.qr(J[:, :-1] / np.maximum(np.linalg.norm(J[:, :-1], axis=0), 1e-300))[0]
     behind = np.cumsum(basis[::-1], axis=0)[::-1]
