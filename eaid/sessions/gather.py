@@ -28,7 +28,7 @@ RIG_NAME = "the rig"  # What a fit of today is held against, which says itself w
 NO_RIG = 30.0  # Factor between T_s of two sessions that is another unit: mountings differ by 4
 LEVELS_SAME = 0.005  # Part of a level by which it may differ from session to session and still be the same
 RESPONSES = ("held", "peak")  # Of those that were measured of a level, what sessions may differ in
-OF_PLANT = ("a0", "omega", "zeta", "dead_time_s")  # Numbers of all levels
+WHOLE_NUMBERS = ("a0", "omega", "zeta", "dead_time_s")  # Numbers of all levels
 # A dead time is another from so much of τ1 on, C and ζ from so much
 LEAST_LATE, LEAST_APART_C, LEAST_APART_ZETA = 0.05, 0.03, 0.05
 ASSUMED_DEGREES = 2.0  # Degrees of freedom of a scatter that was assumed: rigs have a half to twice of it
@@ -130,14 +130,14 @@ def of_whole_plant(fit: Fit, name: str) -> bool:
     """Whether a number of a fit is one of all levels."""
     part = fit.another_plant
     of_lags = part is not None and part.zeta is not None and name in names_of(part.plant)
-    return of_lags or name in OF_PLANT
+    return of_lags or name in WHOLE_NUMBERS
 
 
 def _numbers_of_plant(fit: Fit) -> Any:
     """What a plant of another kind than the clutch's has as a whole, with its intervals, as a row of a level has it."""
     part = fit.another_plant
     numbers = {} if part is None or part.paced else part.numbers
-    none = dict.fromkeys((*OF_PLANT, *CURVES), (None, None))
+    none = dict.fromkeys((*WHOLE_NUMBERS, *CURVES), (None, None))
     values, ends = ({name: one[k] for name, one in (none | numbers).items()} for k in (0, 1))
     return SimpleNamespace(**values, ci95=SimpleNamespace(**ends))
 

@@ -21,7 +21,7 @@ from eaid.results.fit import Fit
 from eaid.results.statistics import as_numbers
 from eaid.results.verdict import FACTOR
 from eaid.sessions import gather
-from eaid.sessions.gather import OF_PLANT, RESPONSES, Session, SessionValue
+from eaid.sessions.gather import RESPONSES, WHOLE_NUMBERS, Session, SessionValue
 from eaid.sessions.model import NO_STEPS, KnownValues, Next, SessionModel, as_known, steps_known
 from eaid.shown import Plotted, counted, pandas
 
@@ -33,7 +33,7 @@ TREND_CHANCE = 0.05
 BEYOND = 1.25  # Factor by which a level may lie beyond those of the sessions
 COMPONENTS = ("gain", "tilt", "session × level")
 # What is known of each session; the first one has to be
-SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", *OF_PLANT, *RESPONSES)
+SESSION_NUMBERS = ("Ts", "tau1", "tau2", "B", *WHOLE_NUMBERS, *RESPONSES)
 
 
 class SessionScatter(Result, frozen=True):

@@ -39,9 +39,9 @@ from eaid.results.responses import LevelResponse, ResponseIntervals, responses_o
 from eaid.sessions.gather import (
     MANY,
     NO_INTERVAL,
-    OF_PLANT,
     RESPONSES,
     RIG_NAME,
+    WHOLE_NUMBERS,
     logs_of,
     of_another_plant,
     of_whole_plant,
@@ -222,7 +222,7 @@ def _at_pace(part: FittedPlant, sd: float, pace: float) -> FittedPlant:
 def _steps(rig: Rig, shown: Fit, name: str) -> KnownValues:
     """What the reference steps say of a number: known no better than so many runs are, however quiet one is. Of a0 of
     one level, and of a damping, nothing: it is another number than that of all."""
-    if name in OF_PLANT and name != "omega":
+    if name in WHOLE_NUMBERS and name != "omega":
         return NO_STEPS
     values, data = values_of_fit(shown, name, "", of_one_run=name in ("Ts", *RESPONSES)), shown.data
     known = []

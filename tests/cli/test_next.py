@@ -24,7 +24,7 @@ FIRST = {
     "another share": ["fit shares"],
 }
 """What each chain begins with; everything else is as it was printed."""
-SLOW = ("a staircase", "speed")
+SLOW = ("a staircase", "speed", "overshoot")
 FASTER = {"plan": ["--no-check"], "report": ["--figures", "fig07,fig03"]}
 OTHERS = {
     "another clutch": (

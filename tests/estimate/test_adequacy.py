@@ -131,7 +131,10 @@ def missed(made: StepSet) -> int:
     return sum(len(one.levels) for one in found if one.code == "repeats-miss-alike")
 
 
-@pytest.mark.parametrize("shape", ["stretched", "three-exponentials", "power", "logarithm"])
+@pytest.mark.parametrize(
+    "shape",
+    ["stretched", *(pytest.param(one, marks=pytest.mark.slow) for one in ("three-exponentials", "power", "logarithm"))],
+)
 def test_another_shape_is_missed_alike(shape: str) -> None:
     assert missed(rippled(SHAPES[shape], 0)) >= 3
 

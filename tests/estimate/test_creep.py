@@ -91,13 +91,17 @@ def test_a_share_that_somebody_holds_is_held() -> None:
     assert fit.plant.C == 0.8 and "runs-reject-the-share" in {one.code for one in fit.findings}
 
 
+@pytest.mark.slow
 def test_values_do_not_go_with_the_intervals_that_are_asked_for() -> None:
     for C, creep in ((0.75, 0.0), (0.85, 0.006)):
         with_them, without = (eaid.fit(logs(C, creep), ci=ci).plant for ci in ("robust", "none"))
         assert without == with_them
 
 
-@pytest.mark.parametrize(("C", "creep"), [(0.85, 0.01), pytest.param(0.85, 0.0, marks=pytest.mark.slow), (0.9, 0.0)])
+@pytest.mark.parametrize(
+    ("C", "creep"),
+    [(0.85, 0.01), pytest.param(0.85, 0.0, marks=pytest.mark.slow), pytest.param(0.9, 0.0, marks=pytest.mark.slow)],
+)
 def test_single_runs_tell_a_creep_by_their_levels(C: float, creep: float) -> None:
     """3 % of the highest output in a hold made τ1 of the lowest level half as long again, and T_s a sixth too large."""
     fit = eaid.fit(logs(C, creep, repeats=1))

@@ -47,6 +47,7 @@ def test_levels_beyond_it_are_repeats_of_where_it_ends() -> None:
     assert "polynomials-too-low" not in codes(fit) and "polynomials-too-low" in codes(fitted(0, curve="cubic"))
 
 
+@pytest.mark.slow
 def test_its_values_hold_the_truth_where_curves_over_all_levels_miss_it() -> None:
     """Quadratics over inputs that never acted: τ1 of the plant was 7 to 11 % off at half of the levels."""
     inside, worst = [], {"auto": 0.0, "cubic": 0.0}

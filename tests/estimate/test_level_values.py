@@ -70,6 +70,7 @@ def test_levels_on_the_curve_lean_on_it() -> None:
         assert np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) < 0.12
 
 
+@pytest.mark.slow
 def test_a_level_of_one_lag_keeps_its_own_value_too() -> None:
     random, t, made = np.random.default_rng(5), np.arange(0.0, 6.0, 0.03), []
     own = {float(u): 2.0 * (u / 100) ** 1.3 * OFF.get(float(u), 1.0) for u in LEVELS[[0, 2, 4, 6, 7, 8, 9]]}
@@ -138,6 +139,7 @@ def test_clean_long_records_know_the_slow_part_of_single_runs() -> None:
         assert 0.11 < np.log(row.ci95.Ts[1] / row.ci95.Ts[0]) < 0.13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("levels", "seeds"),
     [
@@ -286,6 +288,7 @@ def test_steps_of_one_lag_are_one_lag() -> None:
     assert (1 / high, 1 / low) == pytest.approx(tau, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dead_s", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_two_lags_in_series_are_no_lag_with_a_dead_time(dead_s: float) -> None:
     """0.3 and 1.2 s were a lag of 1.295 s behind 0.236 s, to 4 %, though in series they explained a third more."""
@@ -373,7 +376,7 @@ def test_one_lag_that_hastens_with_the_input_hides_no_slow_part_that_never_comes
         assert fit.plant.time_constants(u)[0] == pytest.approx(1.5 * np.exp(-0.6 * (u / 100 - 0.5)), rel=0.06)
 
 
-@pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.parametrize("runs", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_one_lag_that_no_quadratic_follows_is_told(runs: int) -> None:
     """τ goes as 1/u: that of the lowest level was 21 % off, ± 8 %, "usable, no warnings"; a quadratic is no fault."""
     t, told = np.arange(0.0, 6.0, 0.02), []

@@ -35,6 +35,7 @@ def test_short_records_cannot_tell_it() -> None:
     assert "runs-leave-the-share-open" in {one.code for one in sure.findings}
 
 
+@pytest.mark.slow
 def test_of_single_runs_the_interval_is_as_wide_as_the_noise_makes_it() -> None:
     """White noise of one run a level: the standard deviation of C over sets, against t times it in each set."""
     t, told = np.arange(400) * 0.05, []

@@ -122,7 +122,7 @@ def test_sweeps_of_other_plants_are_fitted_as_recorded(plant: Plant, dead_time_s
         assert float(fit.plant.time_constants(u)[0]) == pytest.approx(plant.at(u).tau1, rel=0.05)
 
 
-@pytest.mark.parametrize("zeta", [None, 0.3])
+@pytest.mark.parametrize("zeta", [None, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_a_sweep_of_another_kind_is_fitted_as_recorded(zeta: float | None) -> None:
     """Whose tails the clutch's form does not tell: T_s(10 %) was 80 % too large."""
     plant, t = Plant((0.6,), (0.6,), (0.0, 0.04), (10.0, 100.0), 1.0, zeta=zeta), np.arange(0.0, 60.0, 0.01)

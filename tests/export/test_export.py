@@ -45,6 +45,7 @@ def test_a_turned_sign_is_said_with_what_torque_is(tmp_path):
     assert "export-sign-turned" in codes(made) and "less what the rig measures" in (made.path / "README.md").read_text()
 
 
+@pytest.mark.slow
 def test_an_input_that_rests_at_another_value_is_told_wherever_it_goes_to_the_rig(tmp_path):
     """Volts from 1.5 on: code that gave 0 to 6 V, as if from 0, in silence ended short of its reference."""
     plain, fit = fit_of(), fit_of(options={"reading": {"rest": 1.5}})

@@ -54,6 +54,7 @@ def test_a_dataset_gives_the_same_steps_as_its_logs(logs, stored):
                 np.testing.assert_array_equal(getattr(again, field.name), getattr(run, field.name), field.name)
 
 
+@pytest.mark.slow
 def test_a_log_that_is_fitted_as_recorded_goes_whole_into_a_dataset(tmp_path, run_eaid):
     """Cut into its steps it was one level of fifteen runs, and a fit of them NOT USABLE."""
     draw, t = np.random.default_rng(5), np.arange(3000) / 50.0

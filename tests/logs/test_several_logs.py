@@ -381,6 +381,7 @@ def test_the_first_try_of_a_bench_names_each_cause_once_and_what_it_proposes_wor
     assert ran.code == 3 and "the input goes to and fro every 2 rows" in ran.err
 
 
+@pytest.mark.slow
 def test_factors_of_names_are_told_and_choose(tmp_path, run_eaid):
     time = np.arange(0, 8, 0.02)
     for level, hz in itertools.product((100, 200), (500, 1000)):

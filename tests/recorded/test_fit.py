@@ -74,6 +74,7 @@ def test_what_cannot_be_fitted_is_refused_in_a_sentence() -> None:
         fit_recorded([RecordedLog("log", t, np.where(t > 1, 20.0, 30.0), np.ones(200))])
 
 
+@pytest.mark.slow
 def test_a_log_can_be_drawn_from_the_fit_alone() -> None:
     e = InputOptions(kind="random", duration_s=60.0, rate_hz=100.0, hold_s=(0.5, 6.0))
     run = synthesise_excitation(clutch(), e, NOISE, 1)[0]

@@ -53,7 +53,8 @@ def lasts(random: Any) -> np.ndarray:
     return np.asarray(lfilter([0.01], [1, -0.99], random.standard_normal(len(T))))
 
 
-@pytest.mark.parametrize("noise", [walks, pytest.param(lasts, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [walks, lasts])
 def test_noise_that_lasts_jumps_nowhere(noise: Any) -> None:
     log = log_of(3)
     log["torque_nm"] += noise(np.random.default_rng(7))

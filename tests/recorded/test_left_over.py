@@ -46,6 +46,7 @@ def test_what_is_left_is_told_where_it_follows_the_input(rig, memory: float, tol
     assert values == ([] if told is None else [told])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("filtered", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_filter_of_the_output_is_told_where_it_is_more_than_a_dead_time(filtered: bool) -> None:
     """A Butterworth of 1 Hz: τ1 was 12 to 14 % and τ2 15 to 47 % off at all of 55 inputs, in silence."""

@@ -62,6 +62,7 @@ def test_levels_at_rest_stay_at_rest_and_stop_no_fit() -> None:
     assert float(fitted("threshold", "auto").plant.steady(20.0)) < 1e-3
 
 
+@pytest.mark.slow
 def test_a_cubic_stays_one() -> None:
     fit = fitted("cubic", "auto")
     assert not fit.plant.Ts_through and "levels-scatter" not in codes(fit)

@@ -228,6 +228,7 @@ def test_a_log_of_hardly_any_rows_is_refused_at_once():
         eaid.fit(log)
 
 
+@pytest.mark.slow
 def test_a_log_whose_input_changes_within_its_gaps_must_not_be_used():
     t = np.arange(1600) * 0.02
     u = np.repeat(np.random.default_rng(1).choice([20.0, 40.0, 60.0, 80.0, 100.0], 16), 100)
