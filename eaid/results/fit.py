@@ -69,7 +69,7 @@ class FitGiven(FitOptions):
     reading: dict[str, str | float | bool | None] = field(default_factory=dict)
 
 
-def _is_known(u: float, known: Sequence[float]) -> bool:
+def _is_within_known(u: float, known: Sequence[float]) -> bool:
     """Whether an input lies within those that are known, or next to them by what measured ones are off."""
     play = ENDS_MEASURED * max(known)
     return min(known) - play <= u <= max(known) + play
@@ -198,7 +198,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         found: dict[str, tuple[float | None, ...]]
         if other is None and rows.keys() >= SYMBOLS.keys():
             found = {name: (rows[name].value, rows[name].low, rows[name].high) for name in SYMBOLS}
-        elif part is None or not _is_known(abs(level) if signed else level, part.u_range):
+        elif part is None or not _is_within_known(abs(level) if signed else level, part.u_range):
             inside = "" if part is not None else "the levels "
             raise self._outside("level", level, self.data.levels if part is None else part.u_range, inside)
         elif isinstance(part, FittedPlant):
@@ -307,7 +307,7 @@ class Fit(Plotted, codec.Saved, Made, frozen=True):
         known = self.data.levels if self.recorded is None else self.recorded.u_range
         signed = chosen == statistics.PLANT and bool(self.plant.Ts_below)
         for u in inputs:
-            if known and not _is_known(abs(u) if signed else u, known):
+            if known and not _is_within_known(abs(u) if signed else u, known):
                 raise self._outside("duty", u, known)
         return pandas.DataFrame(
             np.column_stack([self.curve(chosen, u, np.maximum(time_s, 0.0)) for u in inputs]),
