@@ -42,8 +42,12 @@ def choose_plant(experiment: Experiment) -> Chosen:
     steps = len(logs) > 1 and any(log.of_one_level for log in logs)  # whose slow part is a drift, too
     if steps or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
-    experiment, chosen = _choose_behind_jumps(experiment, chosen)
     behind = _choose_behind_creep(experiment, chosen)
+    without, again = _choose_behind_jumps(experiment, chosen)
+    if without is not experiment:  # a jump explains a part of a creep or a drift, too
+        other = _choose_behind_creep(without, again)
+        if other.solved.cost < (1 - MUCH) * behind.solved.cost:
+            experiment, chosen, behind = without, again, other
     if chosen.searched is None or not never_comes(behind.solved, experiment.inputs):
         return behind
     lag = next((one.kind.name for one in chosen.searched.rows if one.kind.law == "lag"), "")
