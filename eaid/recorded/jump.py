@@ -32,18 +32,18 @@ def find_jump(solved: Solved, log: RecordedLog, k: int) -> tuple[float, float] |
     fast_s = float(np.max(plant_found(solved).time_constants(max(plant_found(solved).u_range))[0]))
     moving = int(BEHIND_CHANGES * fast_s / (rows * log.usual_s))
     for side in SIDES:
-        held, calm = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-        held[max(side, ends) : n - max(side, ends)] = calm[side : n - side] = True
+        calm = np.zeros(n, dtype=bool)
+        calm[max(side, ends) : n - max(side, ends)] = True
         for change in changes.tolist():
-            held[max(change - side, 0) : change + side + 1] = False
             calm[max(change - side, 0) : change + side + moving + 1] = False
         means = (whole[side:] - whole[:-side]) / side
         further = np.zeros(n)
         further[side : n - side + 1] = means[side:] - means[:-side]
-        row = int(np.argmax(np.abs(further) * held))
+        row = int(np.argmax(np.abs(further) * calm))
+        found = bool(calm[row])
         calm[max(row - 2 * side, 0) : row + 2 * side + 1] = False
         others = float(np.abs(further[calm]).max(initial=0.0))
-        if calm.any() and abs(further[row]) > max(SHARPEST * others, least):
+        if found and calm.any() and abs(further[row]) > max(SHARPEST * others, least):
             return float(log.time_s[known[row * rows]] - log.time_s[0]), float(further[row])
     return None
 
