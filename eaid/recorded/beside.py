@@ -62,14 +62,14 @@ def choose_plant(experiment: Experiment) -> Chosen:
 def _choose_behind_jumps(experiment: Experiment, chosen: Chosen) -> tuple[Experiment, Chosen]:
     """Logs without the jumps of their sensors' zeros, and the plant of these."""
     logs, again = experiment.logs, chosen
-    found = [find_jump(chosen.solved, log, k) for k, log in enumerate(logs)]
+    found = [find_jump(chosen.solved, k) for k in range(len(logs))]
     for _ in range(JUMP_ROUNDS if any(found) else 0):
         plain = [log if one is None else take_off_jump(log, *one) for log, one in zip(logs, found, strict=True)]
         try:
             again = choose_among_kinds(replace(experiment, logs=plain))
         except DataError:  # what a log without a jump shows is no reason to refuse it
             return experiment, chosen
-        more = [0.0 if one is None else jump_size(again.solved, logs[k], k, one[0]) for k, one in enumerate(found)]
+        more = [0.0 if one is None else jump_size(again.solved, k, one[0]) for k, one in enumerate(found)]
         if not any(one and abs(step) > JUMP_SETTLED * abs(one[1]) for one, step in zip(found, more, strict=True)):
             break
         found = [one and (one[0], one[1] + step) for one, step in zip(found, more, strict=True)]

@@ -136,7 +136,7 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
             faults.append(f"{where}: holds {known} rows with an output; a fit needs {LEAST_OUTPUTS}")
         elif np.ptp(log.output[np.isfinite(log.output)]) == 0:
             faults.append(f"{where}: its output never changes; look at the sensor")
-        elif len(np.unique(log.output[np.isfinite(log.output)])) <= FEW_VALUES and not log.stepwise:
+        elif not log.stepwise and len(np.unique(log.output[np.isfinite(log.output)])) <= FEW_VALUES:
             faults.append(
                 f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
                 "they were swapped; name both with «columns» input=NAME,output=NAME"

@@ -23,50 +23,48 @@ LEAST_JUMPED = 0.01  # Part of what an output spans that a jump makes at least
 NEAR_ENDS = 0.02  # Part of a log at either end in which none is looked for
 
 
-def find_jump(solved: Solved, log: RecordedLog, k: int) -> tuple[float, float] | None:
+def find_jump(solved: Solved, k: int) -> tuple[float, float] | None:
     """When the zero of log k of a fit may jump [s since its first row], and by how much; None where it does not."""
-    left, _, rows = _free_of_unknowns(solved, log, k)
+    log, plant = solved.logs[k], plant_found(solved)
+    left, _, rows = _free_of_unknowns(solved, k)
     known, n, ends = np.flatnonzero(np.isfinite(log.output)), len(left), int(NEAR_ENDS * len(left))
     whole, least = np.append(0.0, np.cumsum(left)), LEAST_JUMPED * float(np.ptp(solved.outputs[k]))
-    changes = np.searchsorted(known, log.changes[1:]) // rows if log.stepwise else np.array([], dtype=np.intp)
-    fast_s = float(np.max(plant_found(solved).time_constants(max(plant_found(solved).u_range))[0]))
-    moving = int(BEHIND_CHANGES * fast_s / (rows * log.usual_s))
+    changes = np.unique(np.searchsorted(known, log.changes[1:]) // rows).tolist() if log.stepwise else []
+    moving = int(BEHIND_CHANGES * float(plant.time_constants(max(plant.u_range))[0]) / (rows * log.usual_s))
     for side in SIDES:
-        calm = np.zeros(n, dtype=bool)
+        calm = np.zeros(n, dtype=bool)  # Where the input has been held for long enough, and is
         calm[max(side, ends) : n - max(side, ends)] = True
-        for change in changes.tolist():
+        for change in changes:
             calm[max(change - side, 0) : change + side + moving + 1] = False
-        means = (whole[side:] - whole[:-side]) / side
-        further = np.zeros(n)
+        if not calm.any():
+            continue
+        means, further = (whole[side:] - whole[:-side]) / side, np.zeros(n)
         further[side : n - side + 1] = means[side:] - means[:-side]
         row = int(np.argmax(np.abs(further) * calm))
-        found = bool(calm[row])
         calm[max(row - 2 * side, 0) : row + 2 * side + 1] = False
-        others = float(np.abs(further[calm]).max(initial=0.0))
-        if found and calm.any() and abs(further[row]) > max(SHARPEST * others, least):
+        if calm.any() and abs(further[row]) > max(SHARPEST * float(np.abs(further[calm]).max()), least):
             return float(log.time_s[known[row * rows]] - log.time_s[0]), float(further[row])
     return None
 
 
-def jump_size(solved: Solved, log: RecordedLog, k: int, at_s: float) -> float:
+def jump_size(solved: Solved, k: int, at_s: float) -> float:
     """By how much the output of log k of a fit jumps at an instant [s since its first row]."""
-    left, square, rows = _free_of_unknowns(solved, log, k)
+    log, (left, square, rows) = solved.logs[k], _free_of_unknowns(solved, k)
     since_s = log.time_s[np.isfinite(log.output)][::rows][: len(left)] - log.time_s[0]
     row = int(np.argmin(np.abs(since_s - at_s)))
     return float(left[row:].sum() / square[row])
 
 
-def _free_of_unknowns(solved: Solved, log: RecordedLog, k: int) -> tuple[Array, Array, int]:
+def _free_of_unknowns(solved: Solved, k: int) -> tuple[Array, Array, int]:
     """Recorded less model of a log without what its unknowns explain, (n,), what these leave of the square of a step at
     each row, (n,), and how many rows each is the mean of."""
-    setup, rows = solved.setup, max(1, len(solved.outputs[k]) // MOST_JUMP_ROWS)
-    means, begun = list[Array](), np.zeros((0, 0))
-    for block in setup.derivatives(solved.x, k):
-        whole = np.concatenate([begun, block]) if len(begun) else block
+    rows, means, begun = max(1, len(solved.outputs[k]) // MOST_JUMP_ROWS), list[Array](), None
+    for block in solved.setup.derivatives(solved.x, k):
+        whole = block if begun is None else np.concatenate([begun, block])
         means.append(means_of(whole, rows))
         begun = whole[len(whole) // rows * rows :]
     J = np.concatenate(means)
-    r = -J[:, -1] / log.weight**0.5
+    r = -J[:, -1] / solved.logs[k].weight ** 0.5
     basis = np.linalg.qr(J[:, :-1] / np.maximum(np.linalg.norm(J[:, :-1], axis=0), 1e-300))[0]
     behind = np.cumsum(basis[::-1], axis=0)[::-1]
     square = len(r) - np.arange(len(r)) - np.sum(behind**2, axis=1)

@@ -84,18 +84,23 @@ def followed(
 ) -> Iterator[str]:  # fmt: skip
     """A line for each step as it comes, and one for the next by the plan; `unread` takes the files that are no logs."""
     rows, shown = planned(plan) if plan else [], dict[Path, list[tuple[float, float]]]()
-    held = dict[Path, Sequence[Run]]()  # Read to see how long they last
+    held = dict[Path, tuple[Sequence[Run], ReadOptions]]()  # Read to see how long they last
+
+    def read(file: Path) -> tuple[Sequence[Run], ReadOptions]:
+        logs, how = logs_meant([file], reading, lambda _: None)  # with what a dataset.toml beside it says
+        return read_runs(logs, how), how
 
     def lasts_s(file: Path) -> float:
         held.pop(file, None)
         with suppress(DataError):
-            held[file] = read_runs(*logs_meant([file], reading, unheard))
-        return max((float(run.time_s[-1] - run.time_s[0]) for run in held.get(file, ())), default=0.0)
+            held[file] = read(file)
+        return (
+            max((float(run.time_s[-1] - run.time_s[0]) for run in held[file][0]), default=0.0) if file in held else 0.0
+        )
 
     for file in whole_files(paths, silence_s, lasts_s):
         try:
-            logs, how = logs_meant([file], reading, unheard)  # with what a dataset.toml beside it says
-            runs = held.pop(file, None) or read_runs(logs, how)
+            runs, how = held.pop(file) if file in held else read(file)
             fit = fit_steps(steps := steps_in(runs, how)[1], FitOptions(model=("friction",)))
             fit = on_plant(rig.base, fit, steps) if rig is not None and rig.base is not None else fit
         except DataError as fault:
@@ -148,10 +153,6 @@ def _line_without_step(run: Run) -> str:
         f"{run.where}: {run.time_s[-1] - run.time_s[0]:.3g} s, {inputs}, {outputs}; not a step from rest, for which "
         "alone a value is expected; the fit at the end takes it"
     )
-
-
-def unheard(_: str) -> None:
-    """The fit at the end says what is left out."""
 
 
 def planned(path: Path) -> list[tuple[float, float]]:

@@ -68,7 +68,9 @@ def values_of_fit(fit: Fit, name: str, session: str, of_one_run: bool = False) -
     most = ASSUMED_DEGREES if assumes_scatter(fit) else MANY
     rows: list[tuple[float, Any]] = [] if linear is None else [(1.0, linear)]
     if name != "a0" and of_whole_plant(fit, name):
-        rows = [(1.0, _numbers_of_plant(fit))]
+        part = fit.another_plant
+        value, ends = (None, None) if part is None or part.paced else part.numbers.get(name, (None, None))
+        rows = [(1.0, SimpleNamespace(**{name: value}, ci95=SimpleNamespace(**{name: ends})))]
     elif name in RESPONSES:
         rows = [(row.level, row) for row in fit.responses]
     elif name != "a0":
@@ -131,15 +133,6 @@ def of_whole_plant(fit: Fit, name: str) -> bool:
     part = fit.another_plant
     of_lags = part is not None and part.zeta is not None and name in names_of(part.plant)
     return of_lags or name in WHOLE_NUMBERS
-
-
-def _numbers_of_plant(fit: Fit) -> Any:
-    """What a plant of another kind than the clutch's has as a whole, with its intervals, as a row of a level has it."""
-    part = fit.another_plant
-    numbers = {} if part is None or part.paced else part.numbers
-    none = dict.fromkeys((*WHOLE_NUMBERS, *CURVES), (None, None))
-    values, ends = ({name: one[k] for name, one in (none | numbers).items()} for k in (0, 1))
-    return SimpleNamespace(**values, ci95=SimpleNamespace(**ends))
 
 
 def of_another_plant(fit: Fit) -> list[tuple[float, CurveLevel]]:

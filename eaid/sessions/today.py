@@ -109,8 +109,9 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
         for k, u in enumerate(levels.tolist()) for values, ends in (_at(foreseen, RESPONSES, k),)
     ]  # fmt: skip
     late_s, moved = plant_in_steps(rig, base, shown)
-    if made.plant_ is not None and late_s is not None:
-        made = replace(made, plant_=replace(made.plant_, dead_time_s=late_s))
+    if made.plant_ is not None and late_s is not None:  # which the sessions' interval is not of
+        ends = made.plant_.ci95 and replace(made.plant_.ci95, dead_time_s=None)
+        made = replace(made, plant_=replace(made.plant_, dead_time_s=late_s, ci95=ends))
     read = [one for one in shown.findings if one.code in AS_READ]
     told = ranked((*_today_findings(rig, steps["Ts"], known), *moved, *read, *stops(shown.findings)))
     made = replace(made, data=data, uncertainty=uncertainty, findings=told, responses=tuple(held))
@@ -164,25 +165,23 @@ def on_plant(base: Fit, shown: Fit, steps: StepSet) -> Fit:
         if row.from_ == 0 and row.Ts and row.level in means:
             plant = plain_replace(part.plant, dead_time_s=row.delay_s if part.dead_time_s > 0 else 0.0)
             gain, pace, sd = _gain_and_pace(plant, row.level, *means[row.level], free=free)
-            Ts, sd_log = gain * float(part.plant.steady(row.level)), sd[0] / max(abs(gain), 1e-300)
-            ends = LevelIntervals(log_interval_of(Ts, sd_log**2, np.inf))
-            ends = ends if row.ci95 is None else replace(row.ci95, Ts=ends.Ts)
+            own = {"Ts": (gain * float(part.plant.steady(row.level)), sd[0] / max(abs(gain), 1e-300))}
             if free:
                 paces.append((sd[1], pace))
-                tau1 = float(np.exp(pace)) * float(part.plant.time_constants(row.level)[0])
-                row = replace(row, tau1=tau1)
-                ends = replace(ends, tau1=log_interval_of(tau1, sd[1] ** 2, np.inf))
-            row = replace(row, Ts=Ts, ci95=ends)
+                own["tau1"] = float(np.exp(pace)) * float(part.plant.time_constants(row.level)[0]), sd[1]
+            ends = {name: log_interval_of(value, sd_log**2, np.inf) for name, (value, sd_log) in own.items()}
+            ci95 = replace(row.ci95 or LevelIntervals(), **ends)
+            row = replace(row, **{name: value for name, (value, _) in own.items()}, ci95=ci95)
         rows.append(row)
-    own = _at_pace(part, *min(paces)) if paces else None
-    return replace(shown, friction=replace(shown.friction, levels=tuple(rows)), plant_=own)
+    paced = _at_pace(part, *min(paces)) if paces else None
+    return replace(shown, friction=replace(shown.friction, levels=tuple(rows)), plant_=paced)
 
 
 def _gain_and_pace(
     plant: Plant, level: float, time_s: Array, y: Array, free: bool
 ) -> tuple[float, float, list[float]]:  # fmt: skip
     """The gain that brings a plant's response nearest to a step, the logarithm of the factor on its time constants that
-    does (0 where that is not `free`), and the standard deviations of both, (2,)."""
+    does (0 where that is not `free`), and the standard deviations of these."""
 
     def response(pace: float) -> Array:
         return from_rest(_paced(plant, pace), time_s, level)
@@ -197,11 +196,12 @@ def _gain_and_pace(
         near = float(tried[np.argmin([left(one) for one in tried.tolist()])])
         about = near + np.array([-1.0, 1.0]) * (tried[1] - tried[0])
         pace = float(minimize_scalar(left, bounds=about.tolist(), method="bounded", options={"xatol": 1e-6}).x)
-    f = response(pace)
-    gain, slope = best_gain(f, y), (response(pace + PACE_STEP) - response(pace - PACE_STEP)) / (2 * PACE_STEP)
-    J = np.stack([f, gain * slope] if free else [f], axis=1)
-    moved = np.linalg.pinv(J) * (y - gain * f)
-    return gain, pace, np.append(np.sqrt(bartlett_variance(time_s, moved.T).max(axis=0)), 0.0)[:2].tolist()
+    J = [f := response(pace)]
+    gain = best_gain(f, y)
+    if free:
+        J.append(gain * (response(pace + PACE_STEP) - response(pace - PACE_STEP)) / (2 * PACE_STEP))
+    moved = np.linalg.pinv(np.stack(J, axis=1)) * (y - gain * f)
+    return gain, pace, np.sqrt(bartlett_variance(time_s, moved.T).max(axis=0)).tolist()
 
 
 def _paced(plant: Plant, pace: float) -> Plant:
