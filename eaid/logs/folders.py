@@ -126,7 +126,8 @@ def _folder(path: Path) -> Path:
     return path.parent if path.suffix == ".toml" and path.is_file() else path
 
 
-def _manifest(path: Path) -> Manifest:
+def read_manifest(path: Path) -> Manifest:
+    """What a dataset.toml says; `DataError` for one that is not as this eaid writes it."""
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as fault:  # no TOML, no UTF-8, nested too deep, a number of thousands of digits
@@ -159,7 +160,7 @@ def logs_meant(
         manifests = [path for path in beside if path.is_file() and not any(map(is_as_written, files))]
     if not manifests:
         return files, options
-    path, manifest = manifests[0], _manifest(manifests[0])
+    path, manifest = manifests[0], read_manifest(manifests[0])
     if gone := [name for name in manifest.exclude if not (path.parent / name).is_file()]:
         raise DataError(f"{path}: its log {plain(gone[0])} is not there; put it back or take it off")
     out = [file for file in files if file.name in manifest.exclude]

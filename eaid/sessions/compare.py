@@ -24,7 +24,7 @@ from eaid.control.margins import ENOUGH_DB, ENOUGH_DEG, enough, least_margins, p
 from eaid.errors import DataError, in_python
 from eaid.estimate.coefficients import CURVES_ORDER
 from eaid.findings import sentences
-from eaid.findings.row import SYMBOLS
+from eaid.findings.row import NUMBER_NAMES, SYMBOLS
 from eaid.options import CompareOptions
 from eaid.plant.forms import terms
 from eaid.results import codec
@@ -53,7 +53,7 @@ MOVED_CHANCE = 0.05
 SAME_B = 1.05  # Factor by which a B is no other, where all levels that gains were made for have the same one
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
 LETTERS = (*ascii_uppercase, *("".join(two) for two in product(ascii_uppercase, repeat=2)))
-CALLED = SYMBOLS | {"omega": "ω", "held": "held output", "peak": "peak"}
+CALLED = SYMBOLS | {"omega": NUMBER_NAMES["omega"], "held": "held output", "peak": "peak"}
 
 
 class Change(Result, frozen=True):

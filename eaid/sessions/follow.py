@@ -17,7 +17,7 @@ import numpy as np
 
 from eaid.errors import DataError, UsageError
 from eaid.levels.workflow import fit_steps
-from eaid.logs.folders import files_of, logs_meant
+from eaid.logs.folders import MANIFEST, files_of, logs_meant, read_manifest
 from eaid.logs.read import read_runs
 from eaid.logs.run import Run
 from eaid.options import FitOptions, ReadOptions
@@ -82,7 +82,13 @@ def followed(
     paths: Sequence[Path], reading: ReadOptions, silence_s: float, unread: set[Path], rig: Rig | None = None,
     plan: Path | None = None,
 ) -> Iterator[str]:  # fmt: skip
-    """A line for each step as it comes, and one for the next by the plan; `unread` takes the files that are no logs."""
+    """A line for each step as it comes, and one for the next by the plan; `unread` takes the files that are no logs.
+
+    DataError where a dataset.toml beside the logs cannot be read.
+    """
+    for at in (path / MANIFEST for path in paths):
+        if at.is_file():  # told before the first log comes
+            read_manifest(at)
     rows, shown = planned(plan) if plan else [], dict[Path, list[tuple[float, float]]]()
     held = dict[Path, tuple[Sequence[Run], ReadOptions]]()  # Read to see how long they last
 

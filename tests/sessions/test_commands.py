@@ -223,6 +223,9 @@ def test_a_folder_with_a_manifest_is_followed_as_that_says(run_eaid, make, tmp_p
     run_eaid("ingest", "live", "--columns", columns, "--write-manifest", "-o", "data.h5")
     told = run_eaid("fit", "live", "--follow", "0.4", "-o", "fit.json").err
     assert "60 %: T_s" in told and "record it again" not in told
+    (tmp_path / "live" / "dataset.toml").write_text("no = = toml\n")
+    told = run_eaid("fit", "live", "--follow", "0.4", "-o", "other.json")
+    assert told.code == 3 and "dataset.toml: is no TOML" in told.err and "record it again" not in told.err
 
 
 def test_a_log_without_a_step_from_rest_gets_its_line_too(run_eaid, tmp_path, monkeypatch):

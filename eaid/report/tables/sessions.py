@@ -1,6 +1,6 @@
 """Tables of sessions: what the next one may be, how they differ, what moved."""
 
-from eaid.findings.row import SYMBOLS
+from eaid.findings.row import NUMBER_NAMES
 from eaid.report.tables import INTERVAL, Table, level, table_of
 from eaid.sessions.compare import CALLED, Comparison
 from eaid.sessions.rig import Rig
@@ -22,7 +22,7 @@ def scatter_table(rig: Rig) -> Table:
     """How the sessions differ, by quantity."""
     return table_of(
         "How sessions differ", "Standard deviations of the logarithm: 0.1 is about 10 %", rig.quantities.items(),
-        ("quantity", lambda of: SYMBOLS.get(of[0], of[0])), (("gain", "", 3), lambda of: of[1].sd.gain),
+        ("quantity", lambda of: NUMBER_NAMES.get(of[0], of[0])), (("gain", "", 3), lambda of: of[1].sd.gain),
         (("tilt over ln level", "", 3), lambda of: of[1].sd.tilt),
         (("session × level", "", 3), lambda of: of[1].sd.level), (("one run", "", 3), lambda of: of[1].sd_step),
     )  # fmt: skip
