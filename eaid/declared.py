@@ -115,7 +115,8 @@ class OptionForm:
         word = f"Literal[{words}]" if words and declared.read is None else "str"
         for part in self.parts:
             if typing.get_origin(part) is tuple:
-                found += ["Sequence[str]", word] if self.several else ["Sequence[float]", "str"]
+                one = ["float"] * (part == tuple[float, ...])
+                found += ["Sequence[str]", word] if self.several else ["Sequence[float]", *one, "str"]
             elif part is Path:
                 found += ["str", "os.PathLike[str]"]
             elif typing.get_origin(part) is not None:
@@ -145,6 +146,8 @@ class OptionForm:
             return self._read(value)
         if type(value) is int and float in self.parts and abs(value) <= sys.float_info.max:
             return float(value)
+        if kind == tuple[float, ...] and type(value) in (int, float):
+            return (value,)
         if kind == Mapping[str, str]:
             return pairs(f"«{self.name}»", value)
         if self.declared.levels and isinstance(value, Sequence) and kind is str:

@@ -66,7 +66,7 @@ _SPELLINGS = {
 }
 TIME_UNITS = "s, ms, us, ns, min, h or d"
 TIME_FACTORS = {unit: _SPELLINGS[unit].factor for unit in ("s", "ms", "us", "ns", "min", "h", "d")}  # Seconds in each
-_CASE_SENSITIVE = {"MPa": "mpa", "mPa": "", "MNm": "", "MN·m": ""}  # prefixes that case alone tells apart
+_CASE_SENSITIVE = {"MPa": "mpa", "mPa": "", "MN": "", "MNm": "", "MN·m": ""}  # prefixes that case alone tells apart
 _WEIGHED = {"force", "load", "loadcell", "weight", "weighing", "scale", "friction", "tension", "pull", "push", "shear",
             "kraft", "kracht", "fuerza", "last", "cell", "fn", "ft", "thrust"}  # fmt: skip
 _SHAKEN = {"acc", "accel", "acceleration", "accelerometer", "vibration", "vib", "imu", "shock", "ax", "ay", "az"}
