@@ -24,6 +24,7 @@ from eaid.plant.steps import decay, slope_shapes, slope_sizes, step_response
 POINTS_PER_BLOCK = 8
 SINGLE_ROWS = 16  # First samples, kept as they are: the fast rise may be over within them. A block is never shorter.
 LONGEST_BLOCK = 16384
+MANY_HOLDS = 64  # Holds of a record from which their last blocks have few different sizes: each has nodes of its own
 FEW_SAMPLES = 256  # Records up to this length keep every sample: nothing would be gained
 
 
@@ -85,14 +86,18 @@ def gauss_nodes(x: Array) -> tuple[Array, Array, Array]:
 
 
 @lru_cache(maxsize=4096)
-def block_sizes(n: int) -> NDArray[np.int64]:
-    """How a record of n samples is cut: 16 single ones, then blocks of 16, 32, 64 … 16384, then equal ones."""
+def block_sizes(n: int, longest: int = LONGEST_BLOCK, few: bool = False) -> NDArray[np.int64]:
+    """How a record of n samples is cut: 16 single ones, then blocks of 16, 32, 64 … the longest, then equal ones; of
+    `few` different sizes, the last are an eighth of a power of two so many times, and single ones."""
     sizes, length = [1] * min(n, SINGLE_ROWS), SINGLE_ROWS
     if n - SINGLE_ROWS < SINGLE_ROWS:
         sizes = [1] * n
     while (left := n - sum(sizes)) > 0:
-        sizes.append(length if left - length >= SINGLE_ROWS else left)
-        length = min(2 * length, LONGEST_BLOCK)
+        last = left - length < SINGLE_ROWS
+        part = max(2 ** (left.bit_length() - 4), 1) if few and last else 1
+        sizes += [left // part * part] if left >= SINGLE_ROWS else [1] * left
+        sizes[-1] = sizes[-1] if last else length
+        length = min(2 * length, longest)
     return np.array(sizes, dtype=np.int64)
 
 
@@ -111,34 +116,37 @@ def gauss(n: int) -> tuple[Array, Array, Array]:
 
 
 def nodes_of(
-    t_s: Array, y: Array, holds: NDArray[np.int64], even_s: float | None, known: NDArray[np.bool_] | None = None
-) -> tuple[Array, Array, Array]:
+    t_s: Array, y: Array, holds: NDArray[np.int64], even_s: float | None, known: NDArray[np.bool_] | None = None,
+    longest: int = LONGEST_BLOCK,
+) -> tuple[Array, Array, Array]:  # fmt: skip
     """Nodes, outputs and weights, (P,) each, for a record of n rows.
 
     `holds` are the rows at which an input begins to act, and n; `even_s` is the time from row to row where it is always
-    the same. Blocks with a row that is not `known` stay as they are.
+    the same. Rows that are not `known` have no weight, and blocks of which some are not stay as they are; the `longest`
+    has so many rows.
     """
-    size = np.concatenate([block_sizes(n) for n in np.diff(holds).tolist()])
-    first = np.cumsum(size) - size
+    sizes = [block_sizes(n, longest, len(holds) > MANY_HOLDS) for n in np.diff(holds).tolist()]
+    size = np.concatenate(sizes)
+    first, counted = np.cumsum(size) - size, np.ones(len(y))
     if known is not None and not known.all():
-        whole = np.logical_and.reduceat(known, first)
-        size = np.concatenate([[n] if each else [1] * n for n, each in zip(size, whole, strict=True)])
-        first = np.cumsum(size) - size
+        alike = np.logical_and.reduceat(known, first) | ~np.logical_or.reduceat(known, first)
+        size = np.concatenate([[n] if each else [1] * n for n, each in zip(size, alike, strict=True)])
+        first, counted = np.cumsum(size) - size, known.astype(np.float64)
     raw = first[size == 1]
-    at, outputs, weights = [t_s[raw]], [y[raw]], [np.ones(len(raw))]
+    at, outputs, weights = [t_s[raw]], [y[raw]], [counted[raw]]
     for n in np.unique(size[size > 1]).tolist():
         starts = first[size == n]
         if even_s is not None:
             nodes, w, projection = gauss(n)
             at.append((t_s[starts][:, None] + even_s * nodes).ravel())
             outputs.append((sliding_window_view(y, n)[starts] @ projection).ravel())
-            weights.append(np.tile(w, len(starts)))
+            weights.append(np.outer(counted[starts], w).ravel())
             continue
         for k in starts.tolist():
             nodes, w, projection = gauss_nodes(t_s[k : k + n])
             at.append(nodes)
             outputs.append(y[k : k + n] @ projection)
-            weights.append(w)
+            weights.append(counted[k] * w)
     when = np.concatenate(at)
     order = np.argsort(when, kind="stable")
     return when[order], np.concatenate(outputs)[order], np.concatenate(weights)[order]

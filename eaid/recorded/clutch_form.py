@@ -18,11 +18,11 @@ from eaid.levels.from_steps import ENDLESS_RECORDS
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Knots, PerLevel
 from eaid.recorded.engagements import gains_of_engagements
-from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, fit_falls_as_left, test_falls
+from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, fit_falls_as_left, fit_with_falls, list_tests, test_falls
 from eaid.recorded.from_logs import Solved, fit_near, fit_setup, fit_through, plant_found, setup_of
 from eaid.recorded.inputs import FEW_LEVELS, NEXT_TO_REST, Excited, Experiment
 from eaid.recorded.kinds import SLOW_PART, Search, Tried, noise_saves
-from eaid.recorded.late import BETWEEN_ROWS, Delay, fit_behind_dead_time, follows_output
+from eaid.recorded.late import Delay, fit_behind_dead_time, follows_output
 from eaid.recorded.log_intervals import spread
 from eaid.results.recorded import FallTest, KindTried
 
@@ -80,27 +80,16 @@ class Searched:
 
 
 def fit_clutch_form(experiment: Experiment) -> Chosen:
-    """The clutch's form; of inputs that were noted late by a part of a row which comes to next to none beside what
-    falls have of their own, on time."""
-    clutch = _fit_clutch(experiment)
-    each = zip(clutch.late, clutch.logs, strict=True)
-    off = [abs(one.rows - clutch.solved.dead_time_s / log.usual_s) for one, log in each]
-    if not clutch.solved.fitted.between_rows or max(off) >= BETWEEN_ROWS:
-        return clutch
-    return _fit_clutch(replace(experiment, options=replace(experiment.options, dead_time=0.0)))
-
-
-def _fit_clutch(experiment: Experiment) -> Chosen:
     """Two lags in parallel over the input, behind the dead time of the logs, with what falls have of their own."""
     logs, inputs, options, falls = experiment.logs, experiment.inputs, experiment.options, experiment.falls
     model = forms.nonlinear(inputs.basis, options.held_share)
     base = fit_setup(setup_of(model, logs, experiment.rests))
     base = fit_falls_as_left(base) if falls else base
     ask_share = options.share == SHARE
-    behind, acting, late = fit_behind_dead_time(base, experiment)
+    behind, acting, late = fit_behind_dead_time(base, experiment, with_own_falls)
     moved = behind.fitted.dead_time_of_plant(behind.x) > 0 or any(one.rows for one in late)
     if ask_share and moved and (free_first := refit_with_share_free(base)) is not None:  # a wrong C moves inputs
-        other = fit_behind_dead_time(free_first[0], experiment)
+        other = fit_behind_dead_time(free_first[0], experiment, with_own_falls)
         held = refit_with_share_free(behind) or (behind, 0.0)
         if other[0].cost < held[0].cost:
             behind, acting, late = other
@@ -137,6 +126,12 @@ def _fit_clutch(experiment: Experiment) -> Chosen:
     if isinstance(curve := base.setup.model.Ts, Knots):
         findings.append(finding("torque-curve-by-evidence", "nonlinear", values=curve.size))
     return Chosen(base, acting, of_falls, (), findings, late, plain)
+
+
+def with_own_falls(base: Solved, experiment: Experiment) -> Solved:
+    """The fit with numbers of their own of all falls that the inputs tell; itself where they tell none."""
+    names = list_tests(base.setup, experiment.inputs.stepwise, free=True) if experiment.falls else ()
+    return fit_with_falls(base, names) if names else base
 
 
 def refit_with_share_free(held: Solved) -> tuple[Solved, float] | None:

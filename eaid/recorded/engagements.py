@@ -56,7 +56,6 @@ class EngagementScatter:
     count: int
     spare: float  # Of the engagements, what the fit does not follow: the degrees of freedom of that scatter
     chance: float  # That noise alone makes gains so different
-    residuals: tuple[Array, ...]  # Model less recorded, without what the gains explain, of each log
     tau1: float = 0.0  # Standard deviation of ln τ1 from engagement to engagement, beyond noise
     beside: bool = False  # Whether the gains were fitted beside the plant
 
@@ -95,7 +94,7 @@ class FreedLog:
 def without_gains(solved: Solved, logs: Sequence[RecordedLog]) -> list[RecordedLog]:
     """Logs as if all their engagements had one gain, where these scatter so much that they hide how the plant goes;
     empty where they do not."""
-    seen = scatter_of(solved, 1.0)
+    seen, _ = scatter_of(solved, 1.0)
     if seen.count < FEWEST_ENGAGEMENTS or seen.chance > GAINS_CHANCE or seen.gain < HIDING_GAIN:
         return []
     found, each = [], [gains_of_engagements(solved, k) for k in range(len(logs))]
@@ -201,8 +200,9 @@ def log_that_differs(solved: Solved, names: Sequence[str]) -> list[Finding]:
     return [finding("log-differs", names[k], off_pct=-100 * float(off[k]))]
 
 
-def scatter_of(solved: Solved, followed: float) -> EngagementScatter:
-    """Gains of all engagements, and the noise about them; the fit has `followed` so many of them."""
+def scatter_of(solved: Solved, followed: float) -> tuple[EngagementScatter, Sequence[Array]]:
+    """Gains of all engagements, and the noise about them, and the residuals of each log, model less recorded, without
+    what the gains explain; the fit has `followed` so many of them."""
     gains, squares, fourths, cleaned, outputs, steps = [], [], [], [], [], []
     for k, drive in enumerate(solved.setup.drives):
         T, which, square, gain, loaded = gains_of_engagements(solved, k)
@@ -215,14 +215,15 @@ def scatter_of(solved: Solved, followed: float) -> EngagementScatter:
         outputs.append(T)
     gamma, T2, T4 = np.concatenate(gains), np.concatenate(squares), np.concatenate(fourths)
     if len(gamma) < FEWEST_ENGAGEMENTS:
-        return EngagementScatter(*densities(solved.missed, outputs, steps), 0.0, len(gamma), 1.0, 1.0, solved.missed)
+        few = EngagementScatter(*densities(solved.missed, outputs, steps), 0.0, len(gamma), 1.0, 1.0)
+        return few, solved.missed
     s0, s1 = densities(cleaned, outputs, steps)
     own = np.maximum((s0 * T2 + s1 * T4) / T2**2, 1e-300)
     mean = float((gamma / own).sum() / (1 / own).sum())
     spare = max(len(gamma) - max(followed, 1.0), 1.0)
     chance = float(chdtrc(spare, float(((gamma - mean) ** 2 / own).sum())))
     gain = max(float(((gamma - gamma.mean()) ** 2).sum()) / spare - float(own.mean()), 0.0) ** 0.5
-    return EngagementScatter(s0, s1, gain, len(gamma), spare, chance, tuple(cleaned))
+    return EngagementScatter(s0, s1, gain, len(gamma), spare, chance), cleaned
 
 
 def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: bool) -> tuple[float, Array]:
@@ -231,11 +232,14 @@ def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: boo
 
     With D = ∂f/∂ln τ1, freed of T, an engagement by itself moves ln τ1 by −D'r/D'D.
     """
-    setup, part = solved.setup, solved.setup.model.slices[1]
+    # few rows whose sums are those of all, where inputs are held
+    held = all(one.log.stepwise for one in solved.fitted.copies)
+    setup, part = solved.fitted if held else solved.setup, solved.setup.model.slices[1]
     S, moved, own, seen, c, weight = [], [], [], [], np.zeros(setup.size), 0.0
     for k, (drive, place) in enumerate(zip(setup.drives, setup.places, strict=True)):
         known, idle, first, count = drive.w > 0, int(place.own[0]), 0, len(place.columns)
-        which, root = engagements(drive)[known], np.sqrt(drive.w[known])
+        which, root, one = engagements(drive)[known], np.sqrt(drive.w[known]), solved.setup.drives[k]
+        stands_for = (drive.w[known] / one.w.max())[:, None]
         above = root * (drive.y[known] - (solved.x[idle] if idle >= 0 else 0.0))
         sums = np.zeros((int(which[-1]) + 1, 2 * count + 6))
         for piece in setup.derivatives(solved.x, k):
@@ -243,13 +247,14 @@ def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: boo
             J, r, T, first = piece[:, :-1], piece[:, -1:], (piece[:, -1] + above[here])[:, None], here.stop
             D = J[:, part] @ solved.x[part][:, None]
             starts = np.flatnonzero(np.diff(which[here], prepend=-1))
-            products = np.hstack([J * D, J * T, D * D, D * T, T * T, D * r, T * r, (D * T) ** 2])
+            products = [J * D, J * T, D * D, D * T, T * T, D * r, T * r, (D * T) ** 2 / stands_for[here]]
+            products = np.hstack(products)
             sums[which[here][starts]] += np.add.reduceat(products, starts)
         sums = sums[sums[:, -4] > LEAST_LOAD * sums[:, -4].mean()]
         JD, JT, (DD, DT, TT, Dr, Tr, DDTT) = sums[:, :count], sums[:, count : 2 * count], sums[:, -6:].T
         weight, alone = weight + float(TT.sum()), np.maximum(DD - DT**2 / TT, 1e-300)
         moved.append(-(Dr - DT * Tr / TT) / alone)
-        dt_s = float(drive.dt_s.sum()) / max(len(which), 1)
+        dt_s = float(one.dt_s.sum()) / max(np.count_nonzero(one.w), 1)
         own.append((noise.sensor_nm2_s * DD + noise.ripple_s * DDTT) / dt_s / alone**2)
         seen.append(np.stack([alone, DT / TT], axis=1))
         S.append(np.zeros((len(DD), setup.size)))

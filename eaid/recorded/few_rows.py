@@ -10,11 +10,13 @@ from functools import cached_property
 
 import numpy as np
 
-from eaid.estimate.points import nodes_of
+from eaid.estimate.points import LONGEST_BLOCK, nodes_of
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.drive import ROW_NUMBER, Drive
 
 MOVING_ROWS = 6_000  # Blocks of an input that moves all the time, at most
+BINS = 16_384  # In which derivatives and residuals of a log are added up for its intervals, at most
+WORTH_BLOCKS = 64  # Rows of a bin from which blocks as long stand for them
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,11 +31,18 @@ class Copies:
         """Some thousand rows that cost what the log costs, exactly where its input is held."""
         return compress_held(self.log, self.dead_time_s) if self.log.stepwise else average_moving(self.log)
 
+    @cached_property
+    def in_bins(self) -> Drive | None:
+        """The same of a long log whose input is held, with blocks no longer than one of its `BINS`; None of others."""
+        step = -(-len(self.log.input) // BINS)
+        worth = self.log.stepwise and step >= WORTH_BLOCKS
+        return compress_held(self.log, self.dead_time_s, 2 ** int(np.log2(step))) if worth else None
+
 
 EARLIER = 4  # Samples before a delayed change from which single ones are kept
 
 
-def compress_held(log: RecordedLog, dead_time_s: float) -> Drive:
+def compress_held(log: RecordedLog, dead_time_s: float, longest: int = LONGEST_BLOCK) -> Drive:
     """A log whose input is held, in Gauss nodes of blocks that double in length from where each change acts.
 
     What it costs is what the log costs, as far as the response is a polynomial on each block; the first rows of each
@@ -44,8 +53,8 @@ def compress_held(log: RecordedLog, dead_time_s: float) -> Drive:
     if after_s != 0:
         later = np.searchsorted(t, t[acts[1:]] + after_s) - EARLIER
         acts = np.unique(np.clip(np.append(0, later), 0, len(t) - 1))
-    at, y, w = nodes_of(t, every.y, np.append(acts, len(t)), log.even_s, known)
-    w = log.weight * np.where(np.isin(at, t[~known]), 0.0, w)
+    at, y, w = nodes_of(t, every.y, np.append(acts, len(t)), log.even_s, known, longest)
+    w = log.weight * w
     if after_s != 0:  # where the input changes, a row that is not compared says so
         new = np.setdiff1d(t[log.changes], at)
         place = np.searchsorted(at, new)

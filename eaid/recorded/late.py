@@ -12,7 +12,7 @@ derivative does not reach, is first looked for by the cost itself. What noise do
 is of the input as it acted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -81,13 +81,14 @@ ON_TIME = Delay()
 
 
 def fit_behind_dead_time(
-    base: Solved, experiment: Experiment
+    base: Solved, experiment: Experiment, with_falls: Callable[[Solved, Experiment], Solved]
 ) -> tuple[Solved, tuple[RecordedLog, ...], tuple[Delay, ...]]:
     """The fit of logs behind their dead time, the one given or what they show; the logs with
     their inputs where they acted; and by how much each was noted late.
 
-    What single steps show is taken where the logs are fitted better with it. What the logs show is an unknown of the
-    fit, by parts of a sample, and so is the part of a row by which an input was noted late.
+    What single steps show is taken where the logs are fitted better with it. What the logs show, `with_falls` that may
+    have numbers of their own, for these imitate it, is an unknown of the fit, by parts of a sample, and so is the part
+    of a row by which an input was noted late.
     """
     model, rests, as_left = base.fitted.model, base.fitted.idle_free, base.fitted.falls_as_left
     logs, given_s = experiment.logs, experiment.options.held_dead_time_s
@@ -100,7 +101,7 @@ def fit_behind_dead_time(
             base, dead_s, acting = behind, tried, moved
     if given_s is not None:
         return base, acting, (ON_TIME,) * len(logs)
-    found = delays(base, acting)
+    found = delays(with_falls(base, experiment), acting)
     shown = [dead_s - one.rows * log.usual_s for log, one in zip(logs, found, strict=True)]
     begun_s, dead_s = dead_s, max(median([one for one in shown if one > 0] or [0.0]), 0.0)
     # the input of a log that answers early is moved behind the dead time that all of them have

@@ -14,6 +14,7 @@ knows no input, and the one is regressed on the other: the slope of a rig whose 
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,13 +42,11 @@ def left_over_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Find
     plant, theta_s = plant_found(solved), solved.fitted.dead_time_of_plant(solved.x)
     tau_s = float(np.mean(plant.time_constants(max(plant.u_range))[0]))
     size, parts, sums = 0.0, [], np.zeros((2 * FUNCTIONS + 1, 2 * FUNCTIONS + 1))
-    for log, r in zip(logs, solved.missed, strict=False):
+    for log, r in itertools.starmap(thin_out, zip(logs, solved.missed, strict=False)):
         known, dt_s = np.isfinite(log.output), log.usual_s
-        rows = max(1, len(r) // MOST_COUNTED_ROWS)
-        columns = np.stack([*(means_of(one[known], rows) for one in functions_of(log, theta_s, tau_s, dt_s)),
-                            means_of(r, rows)], axis=1)  # fmt: skip
+        columns = np.stack([*(one[known] for one in functions_of(log, theta_s, tau_s, dt_s)), r], axis=1)
         columns -= columns.mean(axis=0)
-        parts.append((columns, rows * dt_s))
+        parts.append((columns, dt_s))
         sums += columns.T @ columns
         size += float(np.var(log.output[known])) * len(columns)
     A, along, total = sums[:-1, :-1], sums[:-1, -1], float(sums[-1, -1])
@@ -81,14 +80,14 @@ def change_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding
     both = list(zip(solved.outputs, solved.missed, strict=True))
     if sum(r @ r for _, r in both) < CHANGES_SEEN**2 * sum(len(y) * np.var(y) for y, _ in both):
         return []
-    for log, (y, r) in zip(logs, both, strict=False):
+    for log, r in itertools.starmap(thin_out, zip(logs, solved.missed, strict=False)):
         known, dt_s, u = np.isfinite(log.output), log.usual_s, acting_input(log, theta_s)
         lags = [(u, tau_s * part) for part in QUICKER] + [(log.input, theta_s)]
         late = [lagged(one[:, None], dt_s, max(tau, 1e-3 * dt_s))[known, 0] - one[known] for one, tau in lags]
         columns = np.column_stack([*late, r])
         columns -= columns.mean(axis=0)
         sums += columns.T @ columns
-        size += float(np.var(y)) * len(y)
+        size += float(np.var(log.output[known])) * len(r)
         independent += effective_samples(r, dt_s)
     along, total = sums[:-1, -1], max(float(sums[-1, -1]), 1e-300)
     explained = float(along @ scaled_inverse(sums[:-1, :-1], 1e-10) @ along) / total - 3 / max(independent, 1.0)
@@ -142,6 +141,21 @@ def drift_findings(solved: Solved, logs: Sequence[RecordedLog]) -> list[Finding]
         left = max(total - along**2 / max(square, 1e-300), 1e-300)
         found = max(found, float(along / np.sqrt(max(square, 1e-300) * left / max(count, 1))))
     return [] if found > CLEAR_SD else [finding("drift-explains-as-much", "nonlinear", errors=found)]
+
+
+def thin_out(log: RecordedLog, left: Array) -> tuple[RecordedLog, Array]:
+    """A log of many rows, and what a model leaves of it, in means of some; those of outputs that are not known are
+    dropped."""
+    rows = len(log.input) // MOST_COUNTED_ROWS
+    if rows <= 1:
+        return log, left
+    known, whole = np.isfinite(log.output), np.zeros(len(log.input))
+    whole[known] = left
+    share = means_of(known.astype(np.float64), rows)
+    part = np.where(share > 0, share, np.nan)
+    output, left = means_of(np.where(known, log.output, 0.0), rows) / part, (means_of(whole, rows) / part)[share > 0]
+    t = log.time_s[: len(share) * rows : rows]
+    return replace(log, time_s=t, input=means_of(log.input, rows), output=output), left
 
 
 def acting_input(log: RecordedLog, theta_s: float) -> Array:

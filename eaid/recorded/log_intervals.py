@@ -32,12 +32,12 @@ from eaid.recorded.engagements import (
     lag_scatter,
     scatter_of,
 )
+from eaid.recorded.few_rows import BINS
 from eaid.recorded.from_logs import Setup, Solved, idle_found
 from eaid.recorded.late import differ_by_a_row
 from eaid.steps.noise import correlation_s
 from eaid.steps.stepset import Level
 
-BINS = 16_384  # Derivatives and residuals are first added up over so many short bins of a log, at most
 SMOOTH_PART = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
 LEAST_LEFT = 0.25  # A line keeps at least this part of its power
 SMALL_OUTPUT = 9.0  # An output is small or large beside its mean square over this
@@ -73,14 +73,19 @@ def bin_log(solved: Solved, clean: Setup, log: int, freed: "FreedLog | None" = N
     output = drive.y[counted] - idle_found(solved, log)
     step = -(-len(output) // BINS)
     starts = np.arange(0, len(output), step)
-    plain, scaled, H, at = *np.zeros((2, len(starts), setup.size)), np.zeros((setup.size, setup.size)), 0
-    of_Z = columns
+    (plain, scaled), H = np.zeros((2, len(starts), setup.size)), np.zeros((setup.size, setup.size))
+    of_Z = columns if freed is None else np.arange(setup.size)
     if freed is not None:
-        both, of_Z = iter([(freed.Z, freed.J)]), np.arange(setup.size)
-    elif clean is setup:
+        both = iter([(freed.Z, freed.J)])
+    elif clean is not setup:  # in one piece: their rows where inputs change are not the same
+        both = iter([(clean.jacobian(x, log)[0], setup.jacobian(x, log)[0])])
+    elif (few := few_in_bins(solved, log, step)) is not None:
+        Z, J, first, T = few
+        H[np.ix_(columns, columns)], both = J.T @ J, iter(())
+        plain[:, columns], scaled[:, columns] = np.add.reduceat(Z, first), np.add.reduceat(Z * T[:, None], first)
+    else:
         both = ((piece, piece) for piece in setup.derivatives(x, log))
-    else:  # in one piece: their rows where inputs change are not the same
-        both = ((clean.jacobian(x, log)[0], setup.jacobian(x, log)[0]) for _ in range(1))
+    at = 0
     for Z, J in both:
         Z, J = Z[:, : len(of_Z)], J[:, : len(columns)]
         H[np.ix_(of_Z, columns)] += Z.T @ J
@@ -97,6 +102,24 @@ def bin_log(solved: Solved, clean: Setup, log: int, freed: "FreedLog | None" = N
     bin_s = step * float(drive.dt_s.sum()) / max(len(output), 1)
     squares, engaged = np.add.reduceat(output**2, starts), engagements(drive)[counted][starts]
     return BinnedLog(starts, sizes, plain, scaled, squares, step, bin_s, engaged), H
+
+
+def few_in_bins(solved: Solved, log: int, step: int) -> tuple[Array, Array, NDArray[np.intp], Array] | None:
+    """Of a long log whose input is held the derivatives of a few rows times how many stand for each, and times the root
+    of that, (m, p), the first of each bin of `step` rows, and the output above idle, (m,); None of others."""
+    setup, copy = solved.fitted, solved.fitted.copies[log]
+    few = None if setup.model.kind == "swing" else copy.in_bins
+    if few is None:
+        return None
+    used, t = few.w > 0, copy.log.time_s
+    drives = (*setup.drives[:log], few, *setup.drives[log + 1 :])
+    J, known = replace(setup, drives=drives).jacobian(solved.x, log)[0], np.cumsum(np.isfinite(copy.log.output))
+    row = np.searchsorted(t, t[0] + np.append(0.0, np.cumsum(few.dt_s[:-1]))[used], side="right") - 1
+    which = np.maximum(known[row] - 1, 0) // step
+    if which[-1] + 1 != -(-int(known[-1]) // step) or np.diff(which, prepend=-1).max() > 1:
+        return None
+    Z = J * np.sqrt(few.w[used] / copy.log.weight)[:, None]
+    return Z, J, np.flatnonzero(np.diff(which, prepend=-1)), few.y[used] - idle_found(solved, log)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +248,7 @@ class Spread:
 @np.errstate(over="ignore", invalid="ignore")  # what nothing determines has no bound
 def spread(solved: Solved, with_lags: bool = False) -> Spread:
     """Everything that intervals need where a fit ended, with how its lags scatter from engagement to engagement."""
-    of_gains, solved = scatter_of(solved, 1.0) if solved.beside is not None else None, solved.beside or solved
+    of_gains, solved = scatter_of(solved, 1.0)[0] if solved.beside is not None else None, solved.beside or solved
     setup = solved.setup
     clean = setup if solved.instruments is None else replace(setup, drives=solved.instruments)
     n = setup.size
@@ -239,8 +262,8 @@ def spread(solved: Solved, with_lags: bool = False) -> Spread:
     # what gains of 1 do, one an engagement: H⁻¹ Σ_e s s' H⁻¹, s = Σ Z T of an engagement
     S = np.vstack([one.of_engagements(one.scaled) for one in pieces])
     squares = np.concatenate([one.of_engagements(one.squares) for one in pieces])
-    scatter = scatter_of(solved, float((((S @ pull) * S).sum(axis=1) / np.maximum(squares, 1e-300)).sum()))
-    residuals = scatter.residuals if scatter.chance <= GAINS_SEEN else solved.missed
+    scatter, residuals = scatter_of(solved, float((((S @ pull) * S).sum(axis=1) / np.maximum(squares, 1e-300)).sum()))
+    residuals = residuals if scatter.chance <= GAINS_SEEN else solved.missed
     lines = []
     for one, r, drive in zip(pieces, residuals, setup.drives, strict=True):
         lines.append(find_lines(one, one.means(r * np.sqrt(drive.w[drive.w > 0])), pull))
