@@ -165,7 +165,7 @@ def fit(
     model: Sequence[str] | Literal["friction", "nonlinear", "linear"] | None = None,
     share: float | Literal["free"] = 0.85,
     estimator: Literal["auto", "joint"] = "auto",
-    curve: Literal["auto", "cubic", "levels"] = "auto",
+    curve: Literal["auto", "cubic", "levels", "spline"] = "auto",
     ci: Literal["robust", "bootstrap", "white", "none"] = "robust",
     draws: int = 300,
     hold_out: Sequence[float] | float | str = (),

@@ -157,9 +157,10 @@ class FitOptions(Chance):
     estimator: str = option("auto", "By the evidence, or all at once as in the paper.", MODEL, words="auto|joint")
     curve: str = option(
         "auto",
-        "T_s of the input: the paper's cubic, or through the value of each level; auto: where the output levels off.",
+        "T_s of the input: the paper's cubic, a natural spline with knots at the quartiles of the inputs, or through "
+        "the value of each level; auto: where the output levels off.",
         MODEL,
-        words="auto|cubic|levels",
+        words="auto|cubic|levels|spline",
     )
     ci: str = option("robust", "How 95 % intervals are found.", MODEL, words="robust|bootstrap|white|none")
     draws: int = option(300, "Refits of the bootstrap.", MODEL, least=1, most=100_000)
@@ -176,8 +177,13 @@ class FitOptions(Chance):
 
     @property
     def through(self) -> bool:
-        """Whether T_s(u) is asked to go through values, and to be no polynomial."""
+        """Whether T_s(u) is asked to go through the values of the levels."""
         return self.curve == "levels"
+
+    @property
+    def holds_curve(self) -> bool:
+        """Whether T_s(u) is asked to be no polynomial."""
+        return self.curve not in ("auto", "cubic")
 
     @property
     def held_share(self) -> float | None:

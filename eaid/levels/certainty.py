@@ -33,7 +33,7 @@ from eaid.levels.slow_part import SlowPart, slow_part
 from eaid.levels.torque_curve import TorqueCurve, torque_curve
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant
-from eaid.plant.forms import KnownPoints
+from eaid.plant.forms import Form, KnownPoints
 from eaid.plant.steps import step_bends
 from eaid.shapes.shape import is_coloured
 from eaid.steps.stepset import Level
@@ -57,11 +57,13 @@ class Estimate:
 
     levels: Sequence[Level]
     solved: Solution  # τ1(u), τ2(u), and C where it is free
+    form: Form | None = None  # Of T_s(u); None: the paper's cubic
 
     @cached_property
     def model(self) -> Model:
         """The whole model, T_s(u) among it."""
-        return nonlinear(self.solved.steps.data.u, self.solved.steps.model.share)
+        found = nonlinear(self.solved.steps.data.u, self.solved.steps.model.share)
+        return replace(found, Ts=self.form or found.Ts)
 
     @property
     def Ts_terms(self) -> int:
@@ -207,7 +209,7 @@ class Estimate:
         """The model by all levels but one, its time constants from where those of all ended."""
         steps, kept = self.solved.steps, [k for k in range(len(self.levels)) if k != index]
         solved = fit_levels_first(steps.data.only(kept), steps.model.share, [self.solved.x])
-        other = Estimate([self.levels[k] for k in kept], solved)
+        other = replace(self, levels=[self.levels[k] for k in kept], solved=solved)
         _, relative, known = self.curve_by_runs
         if relative is not None:
             relative = relative[kept] + self.level_scatter**2
@@ -430,13 +432,14 @@ class Estimate:
 
 
 def estimate_levels_first(
-    levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None
+    levels: Sequence[Level], data: Data, share: float | None, near: Estimate | None = None, form: Form | None = None
 ) -> Estimate:
-    """The estimate from the runs of L levels, `data` being their means; `near` is that of data that differ little."""
-    found = Estimate(levels, fit_levels_first(data, share, None if near is None else [near.solved.x]))
+    """The estimate from the runs of L levels, `data` being their means, with a form of T_s(u), None: the paper's cubic;
+    `near` is that of data that differ little."""
+    found = Estimate(levels, fit_levels_first(data, share, None if near is None else [near.solved.x]), form)
     if (found.scatter.repeats == 1).all():
         return found
-    return Estimate(levels, fit_levels_first(unbent(data, found.scatter), share, [found.solved.x]))
+    return replace(found, solved=fit_levels_first(unbent(data, found.scatter), share, [found.solved.x]))
 
 
 def unbent(data: Data, seen: Scatter) -> Data:

@@ -233,8 +233,8 @@ def level_scatter_findings(estimate: Estimate, part: results.Nonlinear) -> list[
     u = estimate.solved.steps.data.u
     if exchanged := find_exchanged(u, estimate.solved.at.theta[0]):
         return exchanged
-    found += (flat := find_flat_levels(estimate, bool(part.Ts_through)))
-    if part.Ts_through or (line := estimate.levels_about_curve) is None:
+    found += (flat := find_flat_levels(estimate, part.through_levels))
+    if part.through_levels or (line := estimate.levels_about_curve) is None:
         return found
     curve = np.log(np.maximum(estimate.parameters.steady(u), 1e-300))
     return [*found, *levels_scatter(line, u, estimate.own_Ts[0], curve, by_curve=bool(flat))]

@@ -1,4 +1,4 @@
-"""T_s(u) through T_s of the levels: a polynomial that is nowhere below 0, by least squares of the relative error."""
+"""T_s(u) through T_s of the levels: a curve that is nowhere below 0, by least squares of the relative error."""
 
 from dataclasses import dataclass
 from functools import partial
@@ -44,10 +44,10 @@ def torque_curve(
         nothing = np.zeros((first, len(Ts)))
         return TorqueCurve(nothing[:, 0], nothing, np.zeros(len(Ts)), None, 1.0, tuple(range(len(duties))))
 
+    inner = np.linalg.solve(model.Ts.rows(model.Ts.inputs), np.full(first, largest))  # a constant, which is feasible
+
     def through(variance: Array) -> tuple[Array, tuple[int, ...], float]:
         weighed = D / variance[:, None]
-        inner = np.zeros(first)
-        inner[0] = largest
         problem = Problem(lambda x: (0.0, x, x), duties, np.zeros(len(duties)), str)
         step = newton_step(problem, inner, 2 * weighed.T @ (D @ inner - Ts), 2 * weighed.T @ D)
         left = Ts - D @ (inner + step.d)

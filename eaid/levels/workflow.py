@@ -44,6 +44,7 @@ from eaid.levels.tails import (
 from eaid.levels.task import FitTask, fit_with_loss
 from eaid.options import MODELS, FitOptions, typed
 from eaid.plant.dynamics import SHARE, Plant
+from eaid.plant.forms import torque_form
 from eaid.results.common import Input, Source
 from eaid.results.fit import Fit, FitGiven
 from eaid.results.models import CreepFound, FittedData, Friction, LackOfFit, Release, Uncertainty
@@ -190,7 +191,8 @@ def _fit_on_tails(
 
     def estimate(tails: Tails, without: StepSet) -> Estimate:
         kept, _ = split_held_out(without.levels, options.hold_out)
-        return Estimate(kept, fit_levels_first(data_on_tails(recorded, tails), options.held_share))
+        solved = fit_levels_first(data_on_tails(recorded, tails), options.held_share)
+        return Estimate(kept, solved, torque_form(options.curve, solved.steps.data.u))
 
     tails, plant, falls = settle_tails(stepset, begin, release, lambda *of: estimate(*of).parameters)
     without, release = take_off_tails(stepset, plant, tails), falls.release
@@ -272,8 +274,8 @@ def _fit_levels(
     models = choose_models(stepset.kind, options.model)
     if options.loss == "huber" and options.ci == "bootstrap":
         raise UsageError("«ci» bootstrap: refits by squares, not by «loss» huber; take robust")
-    if options.through:
-        refuse_through(stepset, options, models)
+    if options.holds_curve:
+        refuse_curve(stepset, options, models)
     kept, held_out = split_held_out(stepset.levels, options.hold_out)
     plain, whole = data_of(kept, stepset.creep), stepset
     data = plain if on_tails is None else replace(plain, compressed=on_tails.points)
@@ -314,7 +316,8 @@ def _fit_levels(
 def _fit_model(task: FitTask, models: Sequence[str]) -> tuple[Fit, Estimate | OwnLevels]:
     """The nonlinear model, and the friction curves that it gives at the levels; the estimate behind them."""
     options, levels, share = task.options, task.stepset.levels, task.options.held_share
-    first, huber = fit_with_loss(task, "nonlinear", lambda d, near: estimate_levels_first(levels, d, share, near))
+    form = torque_form(options.curve, task.data.u)
+    first, huber = fit_with_loss(task, "nonlinear", lambda d, near: estimate_levels_first(levels, d, share, near, form))
     joint, of_joint = fit_with_loss(
         task, "nonlinear", lambda d, near: refit_nonlinear(d, near) if near else fit_nonlinear(d, share)
     )
@@ -388,13 +391,14 @@ def choose_models(kind: str, wanted: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(name for name in allowed if wanted is None or name in wanted)
 
 
-def refuse_through(stepset: StepSet, options: FitOptions, models: Sequence[str]) -> None:
-    """Refuse a T_s(u) through the levels where no level has a value of its own, or no curve is fitted."""
+def refuse_curve(stepset: StepSet, options: FitOptions, models: Sequence[str]) -> None:
+    """Refuse a T_s(u) through the levels where no level has a value of its own, and any where no curve is fitted."""
+    said = f"«curve» {options.curve}"
     if "nonlinear" not in models:
-        raise UsageError("«curve» levels: belongs to the nonlinear model, which is not fitted here; leave it out")
+        raise UsageError(f"{said}: belongs to the nonlinear model, which is not fitted here; leave it out")
     if options.estimator == "joint":
-        raise UsageError("«curve» levels: the joint fit has no value of a level by itself; leave «estimator» joint out")
-    if all(len(level.runs) == 1 for level in stepset.levels):
+        raise UsageError(f"{said}: the joint fit is that of the paper's cubic; leave «estimator» joint out")
+    if options.through and all(len(level.runs) == 1 for level in stepset.levels):
         raise UsageError("«curve» levels: needs repeats, for a single run does not tell its level from itself")
 
 

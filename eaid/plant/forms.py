@@ -9,8 +9,9 @@ the levels has one between each two. Replays, margins and exports take any such 
 """
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.polynomial import Legendre, Polynomial
@@ -25,7 +26,8 @@ Range = tuple[float, float]  # Lowest and highest identified input, by size
 CubicPiece = tuple[float, float, float, float, float]
 Pieces = tuple[CubicPiece, ...]
 RESTING = 0.02  # Part of the largest output up to which that of an input stays at rest
-POINTS = 4  # By which a curve between two of its values is told a plant that goes through them
+QUARTILES = 5  # Knots of a spline, with both ends
+LEAST_APART_KNOTS = 0.02  # Part of the range by which two knots lie apart at least, as the inputs of the logs have them
 KnownPoints = tuple[tuple[float, float], ...]  # Inputs, rising, and a value at each
 
 
@@ -144,6 +146,8 @@ class Knots(PerLevel):
     """A value at each of some inputs; cubics between them, whose slope at one is that of the parabola through it and
     its neighbours."""
 
+    told: ClassVar[int] = 4  # Points of each cubic by which it is told a plant that goes through them
+
     def rows(self, u: Array) -> Array:
         """∂ value/∂ coefficients at some inputs, (m, size)."""
         from scipy.interpolate import CubicHermiteSpline
@@ -155,8 +159,47 @@ class Knots(PerLevel):
 
     def points(self, values: Array) -> KnownPoints:
         """So many that a plant's own way between two hardly differs; none below 0."""
-        parts = np.interp(np.arange(POINTS * (self.size - 1) + 1) / POINTS, np.arange(self.size), self.inputs)
+        at = np.arange(self.told * (self.size - 1) + 1) / self.told
+        parts = np.interp(at, np.arange(self.size), self.inputs)
         return tuple(zip(parts.tolist(), np.maximum(self.rows(parts) @ values, 0.0).tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class NaturalSpline(Knots):
+    """The same by a natural cubic spline: its curvature does not jump, and is 0 at both ends."""
+
+    told: ClassVar[int] = 12
+
+    def rows(self, u: Array) -> Array:
+        """∂ value/∂ coefficients at some inputs, (m, size)."""
+        from scipy.interpolate import CubicSpline
+
+        return np.asarray(CubicSpline(self.inputs, np.eye(self.size), bc_type="natural")(u))
+
+
+def knots_at(shown: Array, low: float, high: float, count: int) -> tuple[float, ...]:
+    """Inputs that part those that were shown alike; or, where most of the time goes to few of them, these."""
+    for each in (shown, np.unique(shown)):
+        at = np.array([low, *np.quantile(each, np.linspace(0, 1, count)[1:-1]), high])
+        if (np.diff(at) >= LEAST_APART_KNOTS * (high - low)).all():
+            return tuple(at.tolist())
+    return tuple(np.linspace(low, high, count).tolist())
+
+
+def natural_spline(shown: Array) -> "Form | None":
+    """With knots at the quartiles of the inputs that were shown, fewer where there are fewer; None of a single one."""
+    count = min(QUARTILES, len(np.unique(shown)))
+    return NaturalSpline(knots_at(shown, float(shown.min()), float(shown.max()), count)) if count > 1 else None
+
+
+# Forms of T_s(u) over inputs that were shown, by the name of the option «curve»; the paper's cubic is none of them, nor
+# is what goes through the levels' own values
+TORQUE_FORMS: dict[str, Callable[[Array], "Form | None"]] = {"spline": natural_spline}
+
+
+def torque_form(curve: str, shown: Array) -> "Form | None":
+    """The form of T_s(u) that a user holds; None where it is the paper's."""
+    return TORQUE_FORMS[curve](shown) if curve in TORQUE_FORMS else None
 
 
 Form: TypeAlias = LegendreForm | Proportional | Sides | PerLevel

@@ -57,7 +57,7 @@ MUST_EXPLAIN_PCT = 80.0  # Of steps that another kind has to explain before it t
 def try_another_kind(fit: Fit, stepset: StepSet, options: FitOptions, late_s: float = 0.0) -> Fit:
     """A fit of steps whose clutch must not be used with the plant of another kind, where that explains the steps; or
     whose two lags meet, or behind a peak, where one explains as much, or another kind far more."""
-    if not stepset.levels or options.model is not None or options.through:
+    if not stepset.levels or options.model is not None or options.holds_curve:
         return fit
     late_s = late_s or fit.noted_late_s
     stepset = stepset.noted_late(late_s)

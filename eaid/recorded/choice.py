@@ -80,7 +80,7 @@ def choose_among_kinds(experiment: Experiment) -> Chosen:
     alone = options.share == SHARE and not beyond
     # where no input ever changes, gain and idle output cannot be told apart
     still = all(np.ptp(log.input) == 0 and not log.starts_idle for log in logs)
-    if clutch is not None and (still or not alone or options.through):
+    if clutch is not None and (still or not alone or options.holds_curve):
         return clutch
     # gains of these kinds extrapolate nothing: they hold for all that the logs hold, or their own play would be cut off
     rivals = [] if clutch is None else [Tried(LagKind("clutch", "parallel"), clutch.solved)]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from eaid.arrays import Array
 from eaid.errors import UsageError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog
@@ -16,7 +17,7 @@ from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE, share_is_told
 from eaid.levels.from_steps import ENDLESS_RECORDS
 from eaid.plant.dynamics import SHARE
-from eaid.plant.forms import Knots, PerLevel
+from eaid.plant.forms import Knots, PerLevel, knots_at, torque_form
 from eaid.recorded.engagements import gains_of_engagements
 from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, fit_falls_as_left, fit_with_falls, list_tests, test_falls
 from eaid.recorded.from_logs import Solved, fit_near, fit_setup, fit_through, plant_found, setup_of
@@ -32,8 +33,7 @@ SLOW_SHOWN = 100.0  # Times τ1 that a log has to last before it shows a slow pa
 # The same, before one that never comes is doubted; and times τ1 up to which a slow part is the fast one
 SLOW_COMES, TWICE = 30.0, 2.0
 FAR_LESS = 0.7  # Squares over those of the clutch, up to which an overshoot explains far more: drifts imitate others
-KNOTS, MOST_KNOTS = 9, 17  # Values through which T_s(u) goes where no cubic does …
-LEAST_APART_KNOTS = 0.02  # … and by which part of the range two lie apart at least, as the inputs of the logs have them
+KNOTS, MOST_KNOTS = 9, 17  # Values through which T_s(u) goes where no cubic does
 ALL_INPUTS = 11  # Inputs over which a form is laid out
 DEFAULT_CHANCE = 0.1  # That noise alone saves as much as a further curve or kind does
 
@@ -109,12 +109,7 @@ def fit_clutch_form(experiment: Experiment) -> Chosen:
         findings.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=(low + high) / 2, low=low, high=high))
     if options.duty is None:
         base = lay_over_all(base, inputs)
-    if options.through:
-        if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
-            raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
-        base = fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
-    if options.curve == "auto":
-        base = fit_through_knots(base, inputs)
+    base = fit_curve(base, inputs, options.curve)
     plain, of_falls = base, tuple[FallTest, ...]()
     if falls:
         base, of_falls, more = test_falls(plain, inputs, free)
@@ -123,7 +118,7 @@ def fit_clutch_form(experiment: Experiment) -> Chosen:
             plain = fit_through(plain, knots)
             base, of_falls, more = test_falls(plain, inputs, free)
         findings += more
-    if isinstance(curve := base.setup.model.Ts, Knots):
+    if options.curve == "auto" and isinstance(curve := base.setup.model.Ts, Knots):
         findings.append(finding("torque-curve-by-evidence", "nonlinear", values=curve.size))
     return Chosen(base, acting, of_falls, (), findings, late, plain)
 
@@ -168,6 +163,24 @@ def lay_over_all(clutch: Solved, inputs: Excited) -> Solved:
     return found if found.cost < clutch.cost - by_noise else clutch
 
 
+def fit_curve(base: Solved, inputs: Excited, curve: str) -> Solved:
+    """A fit with T_s(u) as the option «curve» has it."""
+    if curve == "levels":
+        if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
+            raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
+        return fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
+    ends = base.setup.model.low, base.setup.model.high
+    if (form := torque_form(curve, np.append(inputs_within(base), ends))) is not None:
+        return fit_through(base, form)
+    return fit_through_knots(base, inputs) if curve == "auto" else base
+
+
+def inputs_within(base: Solved) -> Array:
+    """Inputs of the logs, by size, over which the curves of a fit are laid out."""
+    sizes, model = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.setup.drives])), base.setup.model
+    return np.asarray(sizes[(sizes > 0) & (sizes >= model.low) & (sizes <= model.high)])
+
+
 def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solved:
     """A fit with T_s(u) through values at `count` inputs, or more, where logs ask for more than a cubic, be it for
     falls or a hysteresis that they do not have; itself where they do not, or hold few levels, or have such a T_s(u)."""
@@ -175,17 +188,10 @@ def fit_through_knots(base: Solved, inputs: Excited, count: int = KNOTS) -> Solv
     few = len(inputs.levels) <= FEW_LEVELS if inputs.stepwise else not model.low < model.high
     if few or not first < count <= MOST_KNOTS:
         return base
-    sizes = np.abs(np.concatenate([drive.duty[drive.which] for drive in base.setup.drives]))
-    sizes = sizes[(sizes > 0) & (sizes >= model.low) & (sizes <= model.high)]
+    sizes = inputs_within(base)
     if len(sizes) < count:
         return base
-    for shown in (sizes, np.unique(sizes)):  # where most of the time goes to few inputs, as these lie
-        at = np.array([model.low, *np.quantile(shown, np.linspace(0, 1, count)[1:-1]), model.high])
-        if far := bool((np.diff(at) >= LEAST_APART_KNOTS * (model.high - model.low)).all()):
-            break
-    if not far:
-        at = np.linspace(model.low, model.high, count)
-    found = fit_through(base, Knots(tuple(at.tolist())))
+    found = fit_through(base, Knots(knots_at(sizes, model.low, model.high, count)))
     chance = SHARE_CHANCE if count == KNOTS else DEFAULT_CHANCE  # once no cubic does, a few more cost little
     better = cost_beside_gains(found) < cost_beside_gains(base) - noise_saves(found, count - first, chance)
     return fit_through_knots(found, inputs, 2 * count - 1) if better else base

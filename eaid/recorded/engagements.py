@@ -239,7 +239,7 @@ def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: boo
     for k, (drive, place) in enumerate(zip(setup.drives, setup.places, strict=True)):
         known, idle, first, count = drive.w > 0, int(place.own[0]), 0, len(place.columns)
         which, root, one = engagements(drive)[known], np.sqrt(drive.w[known]), solved.setup.drives[k]
-        stands_for = (drive.w[known] / one.w.max())[:, None]
+        stands_for = (drive.w[known] / float(one.w.max()))[:, None]
         above = root * (drive.y[known] - (solved.x[idle] if idle >= 0 else 0.0))
         sums = np.zeros((int(which[-1]) + 1, 2 * count + 6))
         for piece in setup.derivatives(solved.x, k):
@@ -247,14 +247,14 @@ def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: boo
             J, r, T, first = piece[:, :-1], piece[:, -1:], (piece[:, -1] + above[here])[:, None], here.stop
             D = J[:, part] @ solved.x[part][:, None]
             starts = np.flatnonzero(np.diff(which[here], prepend=-1))
-            products = [J * D, J * T, D * D, D * T, T * T, D * r, T * r, (D * T) ** 2 / stands_for[here]]
-            products = np.hstack(products)
+            noisy = (D * T) ** 2 / stands_for[here]
+            products = np.hstack([J * D, J * T, D * D, D * T, T * T, D * r, T * r, noisy])
             sums[which[here][starts]] += np.add.reduceat(products, starts)
         sums = sums[sums[:, -4] > LEAST_LOAD * sums[:, -4].mean()]
         JD, JT, (DD, DT, TT, Dr, Tr, DDTT) = sums[:, :count], sums[:, count : 2 * count], sums[:, -6:].T
         weight, alone = weight + float(TT.sum()), np.maximum(DD - DT**2 / TT, 1e-300)
         moved.append(-(Dr - DT * Tr / TT) / alone)
-        dt_s = float(one.dt_s.sum()) / max(np.count_nonzero(one.w), 1)
+        dt_s = float(one.dt_s.sum()) / max(int(np.count_nonzero(one.w)), 1)
         own.append((noise.sensor_nm2_s * DD + noise.ripple_s * DDTT) / dt_s / alone**2)
         seen.append(np.stack([alone, DT / TT], axis=1))
         S.append(np.zeros((len(DD), setup.size)))

@@ -36,7 +36,7 @@ from eaid.levels.from_steps import CHI2_APART
 from eaid.plant.derivatives import at_first, derivatives, swinging
 from eaid.plant.drive import AT_CREEP, AT_IDLE, Drive, Tables, beginning, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
-from eaid.plant.forms import Form, LegendreForm, PerLevel
+from eaid.plant.forms import Form, LegendreForm
 from eaid.plant.sums import linear_sums
 from eaid.recorded.few_rows import Copies
 from eaid.results.common import Solver
@@ -488,11 +488,13 @@ def fit_near(setup: Setup, x: Array) -> Solved:
     return replace(solved, x=np.insert(held.x, at, theta), cost=held.cost, solver=held.solver)
 
 
-def fit_through(solved: Solved, form: PerLevel) -> Solved:
-    """A fit with T_s of some inputs as unknowns, (L,), in place of a curve's coefficients."""
+def fit_through(solved: Solved, form: Form) -> Solved:
+    """A fit with another form of T_s(u), as with its values at some inputs as unknowns, (L,), in place of a curve's
+    coefficients."""
     fitted, first = solved.fitted, solved.fitted.model.slices[0].stop
     through = replace(fitted, model=replace(fitted.model, Ts=form))
-    return fit_near(through, np.append(solved.curves(form.inputs).steady, solved.x[first:]))
+    begin = np.linalg.solve(form.rows(form.inputs), solved.curves(form.inputs).steady)
+    return fit_near(through, np.append(begin, solved.x[first:]))
 
 
 def pick_least_slow(setup: Setup, ends: Sequence[EndPoint]) -> EndPoint:

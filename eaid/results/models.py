@@ -264,7 +264,7 @@ class Nonlinear(Scores, frozen=True):
     C: Share = 0.85
     C_free: bool = False
     Ts_through: tuple[tuple[Number, Number], ...] = ()
-    """Levels and values that T_s(u) goes through in place of `Ts`; empty: it is the polynomial."""
+    """Inputs and values that T_s(u) goes through in place of `Ts`; empty: it is the polynomial."""
     abs_error: AbsError | None = None
     per_level: tuple[LevelError, ...] = ()
     solver: Solver | None = None
@@ -284,6 +284,12 @@ class Nonlinear(Scores, frozen=True):
 
     def __post_init__(self) -> None:
         refuse_unordered(self.Ts_through)
+
+    @property
+    def through_levels(self) -> bool:
+        """Whether T_s(u) goes through the value of each level."""
+        at = [u for u, _ in self.Ts_through]
+        return bool(at) and at == [row.level for row in self.per_level]
 
     @property
     def parameters(self) -> Plant:

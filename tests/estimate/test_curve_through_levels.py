@@ -1,6 +1,7 @@
 """T_s(u) through the levels: one number a level, from the table to the exported code."""
 
 import json
+from dataclasses import replace
 
 import msgspec
 import numpy as np
@@ -73,7 +74,7 @@ def test_one_level_is_its_value_and_inputs_have_to_rise() -> None:
 
 
 def test_it_is_refused_where_no_curve_of_levels_is_fitted() -> None:
-    t = np.arange(3000) * 0.02
+    t = np.arange(1000) * 0.02
     u = 50 + 40 * np.sin(0.3 * t) * np.sin(t)
     log = pd.DataFrame({"time_s": t, "duty_pct": u, "torque_Nm": respond(BENT, t, u, t)})
     with pytest.raises(UsageError, match="hold no levels"):
@@ -86,3 +87,23 @@ def test_it_is_refused_where_no_curve_of_levels_is_fitted() -> None:
 def test_it_is_refused_where_no_level_has_its_own(runs, options, said) -> None:
     with pytest.raises(UsageError, match=said):
         fitted(8.0, runs, curve="levels", **options)
+
+
+def test_a_spline_that_is_held_follows_what_no_cubic_does() -> None:
+    inputs = np.linspace(10, 100, 46)
+    steep = replace(BENT, Ts_through=tuple(zip(inputs, 2 + 1.8 * np.tanh((inputs - 55) / 22), strict=True)))
+    t = np.arange(6000) * 0.05
+    u = np.repeat(np.random.default_rng(4).uniform(10, 100, 150), 40) * (t > 2)
+    noise = 0.02 * np.random.default_rng(5).standard_normal(len(t))
+    log = pd.DataFrame({"time_s": t, "duty_pct": u, "torque_Nm": respond(steep, t, u, t) + noise})
+    held = eaid.read(log, logs_as="recorded")
+    cubic, spline = (eaid.fit(held, curve=name, ci="none") for name in ("cubic", "spline"))
+    at = np.linspace(20, 90, 15)
+    off, less = (float(np.abs(one.plant.steady(at) - steep.steady(at)).max()) for one in (cubic, spline))
+    assert less < 0.5 * off and not spline.nonlinear.through_levels
+    (replayed,) = eaid.simulate(spline, log=log).records.values()
+    assert replayed.metrics.fit_pct == pytest.approx(spline.logs[0].fit_pct, abs=0.01)
+    steps = eaid.synth(spline, levels=np.linspace(10, 100, 10), repeats=2, rate_hz=20.0, hold_s=20.0, seed=1)
+    again = eaid.fit(steps, curve="spline")
+    assert np.abs(again.plant.steady(at) - spline.plant.steady(at)).max() < 0.05 * 3.8
+    assert eaid.tune_rc(again).params is not None

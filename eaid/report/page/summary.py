@@ -72,10 +72,10 @@ def tables(results: Results) -> tuple[Table, ...]:
     if results.main_fit is not None and (cells := summary.values(results.main_fit)):
         heads = tuple(Column(head.replace("[", "(").replace("]", ")")) for head in cells[0])
         part = results.main_fit.nonlinear
-        curve = "through which T_s(u) goes" if part and part.Ts_through else "which the model's curve may miss"
+        curve = "through which T_s(u) goes" if part and part.through_levels else "which the model's curve may miss"
         apart = any(one.values.get("lag") for one in results.main_fit.findings if one.code == "polynomials-too-low")
         several = part is not None and len(results.main_fit.friction_levels) > 1
-        own = several and part is not None and bool(part.Ts_through or part.level_scatter or apart)
+        own = several and part is not None and bool(part.through_levels or part.level_scatter or apart)
         of, others = ("T_s, τ1 and τ2", "") if apart else ("T_s", "; τ1, τ2: the curves'")
         whose = f"{of}: each level's own, {curve}{others}." if own else ""
         found.append(Table("Values with 95 % intervals", whose, heads, tuple(map(tuple, cells[1:]))))
