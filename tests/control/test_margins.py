@@ -2,8 +2,6 @@
 
 import math
 
-import numpy as np
-import pandas as pd
 import pytest
 from scipy.optimize import brentq
 
@@ -40,41 +38,6 @@ def point(tuned):
         return one
 
     return point
-
-
-@pytest.mark.parametrize("pi", [PI, pytest.param((156.6, 252.9), marks=pytest.mark.slow)])
-def test_phase_margin_agrees_with_python_control(point, pi):
-    import control
-
-    h = 1e-3
-    plant = sum((control.tf([g], [tau, 1]) for g, tau in LAGS[1:]), control.tf([LAGS[0][0]], [LAGS[0][1], 1]))
-    loop = (pi[0] + pi[1] * control.tf([h], [1, -1], h)) * control.c2d(plant, h, "zoh")
-    dense = np.geomspace(1.0, 500.0, 4000)
-    response = control.frequency_response(loop, dense)
-    crossover = np.exp(np.interp(0.0, -np.log(response.magnitude), np.log(dense)))
-    phase = np.interp(np.log(crossover), np.log(dense), np.unwrap(response.phase))
-    found = point(LAGS, pi, pwm_hz=0.0).loops["pi"]
-    assert found.stable and found.phase_deg == pytest.approx((180 + math.degrees(phase)) % 360, abs=0.02)
-    assert found.crossover_hz * 2 * math.pi == pytest.approx(crossover, rel=1e-3)
-    latched = point(LAGS, pi, pwm_hz=300.0).loops["pi"]
-    # latched duties are 0, 0.33, 0.67 ms old, and a hold of 3.33 ms lasts half of 2.33 ms longer
-    assert found.phase_deg - latched.phase_deg == pytest.approx(
-        math.degrees(crossover * (1e-3 / 3 + 7e-3 / 6)), rel=2e-2
-    )
-    assert latched.gain_db < found.gain_db - 3
-
-
-def test_one_sampled_lag_by_its_closed_form_and_python_controls_poles(point):
-    """With K_I = 0 the loop leaves the unit circle at −1: K_P g (1 − a) = 1 + a."""
-    import control
-
-    h, tau, g, K_P = 1e-3, 0.27, 0.08, 300.0
-    a = math.exp(-h / tau)
-    limit = (1 + a) / (g * (1 - a) * K_P)
-    found = point(((g / 2, tau), (g / 2, tau)), (K_P, 0.0), pwm_hz=0.0).loops["pi"]
-    assert found.gain_db == pytest.approx(20 * math.log10(limit), abs=1e-3)
-    poles = control.feedback(control.tf([K_P * limit * g * (1 - a)], [1, -a], h)).poles()
-    assert np.abs(poles).max() == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_loop_below_one_everywhere_has_no_crossover(point):
@@ -156,31 +119,6 @@ def test_margins_of_the_robust_law_are_where_the_simulation_turns(tuned, point, 
     assert growth(slopes, LAGS, 300.0, 1.0, 1.15 * late_of(found)) > 1.5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("pwm_hz", [0.0, 300.0])
-@pytest.mark.parametrize("dead_s", [0.03, 0.12])
-@pytest.mark.parametrize("pi", [(20.0, 40.0), (60.0, 90.0), (4.0, 30.0)])
-def test_margins_behind_a_dead_time_are_where_the_simulation_turns(fit_of, rises, pwm_hz, dead_s, pi):
-    data = {"input_unit": "%", "output_unit": "N·m", "levels": [50.0]}
-    fit = fit_of(nonlinear=plant_of(LAGS), data=data, steps=rises(dead_s))
-    grows = growth(pi, LAGS, pwm_hz, 1.0, dead_s, 16.0) > 1
-    try:
-        made = eaid.tune_rc(fit, pi_gains=pi, pwm_hz=pwm_hz, **MILD)
-    except eaid.GainsError as refusal:
-        assert "PI loop is unstable on the fitted model around 50 %" in str(refusal) and grows  # noqa: PT017
-        assert f"behind a dead time of {dead_s:g} s" in str(refusal)  # noqa: PT017
-        return
-    (one,) = made.margins.points
-    assert made.margins.timing.delay_samples == round(1000 * dead_s) and one.loops["pi"].stable and not grows
-    factor = 10 ** (one.loops["pi"].gain_db / 20)
-    assert (
-        growth(pi, LAGS, pwm_hz, 0.95 * factor, dead_s, 8.0) < 1 < growth(pi, LAGS, pwm_hz, 1.05 * factor, dead_s, 8.0)
-    )
-    late = late_of(one.loops["pi"])
-    assert growth(pi, LAGS, pwm_hz, 1.0, dead_s + 0.9 * late, 16.0) < 1
-    assert growth(pi, LAGS, pwm_hz, 1.0, dead_s + 1.1 * late, 16.0) > 1
-
-
 def test_margins_of_the_reference_plant(tuned, told):
     levels = [{"level": float(u), "a0": 1.5, "gain": 2.0, "b0": 3 / u, "c0": 0.0, "B": u / 3} for u in (30, 90)]
     found = tuned(nonlinear=True, pi_gains=PI)
@@ -250,20 +188,6 @@ def test_behind_a_dead_time_the_map_of_the_state_and_the_response_say_the_same(f
     for name in ("gain_db", "phase_deg"):
         first, second, third, fourth = (getattr(one, name) for one in found)
         assert third - second == pytest.approx(0.5 * (second - first + fourth - third), rel=0.03)
-
-
-def test_the_pi_that_rc_is_compared_with_has_its_margins() -> None:
-    """Its feedforward, of the output that is read, takes a0/b0 from them."""
-    t, logs = np.arange(0.0, 60.0, 0.05), {}
-    for level in (20.0, 40.0, 60.0, 80.0):
-        output = 0.05 * level * (1 - np.exp(-np.maximum(t - 5, 0) / 8.0))
-        logs[f"{level:g}"] = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 5, 0.0, level), "torque_Nm": output})
-    gains = eaid.tune_rc(eaid.fit(logs))
-    done, model = gains.replayed, gains.model
-    assert done.equal_pi.gain_db == pytest.approx(done.equal_pi_feedforward.gain_db, abs=1e-6)
-    assert done.equal_pi.phase_deg == pytest.approx(done.equal_pi_feedforward.phase_deg, abs=1e-6)
-    less = done.equal_pi_feedforward.K_P - done.equal_pi.K_P
-    assert less == pytest.approx(model.a0 / model.b0)
 
 
 @pytest.mark.parametrize("unit", ["V", "%"])

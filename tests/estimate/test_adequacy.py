@@ -42,8 +42,9 @@ def test_a_ripple_of_a_homed_rotor_is_no_fine_print() -> None:
 
 
 def test_the_right_model_is_kept() -> None:
-    found = eaid.fit(stepset(usual))
+    found = eaid.fit(stepset(usual), share=0.85)
     told = {"rise-of-the-rig", "repeats-miss-alike", "polynomials-too-low", "runs-reject-the-share"}
+    assert not found.uncertainty.share.rejected
     assert not told & codes(found).keys()
     assert np.mean([row.ratio for row in found.uncertainty.lack_of_fit]) == pytest.approx(1, abs=0.15)
 
@@ -131,3 +132,21 @@ def test_noise_of_a_low_level_is_no_decay() -> None:
                  random) for _ in range(60)
     )  # fmt: skip
     assert sum(len(decays(made.levels)) for made in sets) == 0
+
+
+def test_short_records_cannot_tell_the_share() -> None:
+    t = np.arange(150) * 0.01
+    made = steps_of(DUTY[:5], lambda u: step_response(Step(u / 10, 0.2, 8.0), t), t, 3, noise=0.02)
+    fit = eaid.fit(made, model=("friction",))
+    assert not fit.uncertainty.share.rejected and "runs-leave-the-share-open" in codes(fit)
+
+
+@pytest.mark.slow
+def test_of_single_runs_the_interval_of_the_share_is_as_wide_as_the_noise_makes_it() -> None:
+    """The standard deviation of C over sets, against t times it in each set."""
+    t, told = np.arange(400) * 0.05, []
+    for seed in range(8):
+        made = steps_of((25, 50, 75, 100), lambda u: step_response(Step(u / 25, 0.3, 4.0), t), t, noise=0.03, seed=seed)
+        told.append(eaid.fit(made, model=("friction",)).uncertainty.share)
+    half = np.median([0.5 * (one.ci95[1] - one.ci95[0]) for one in told])
+    assert half == pytest.approx(3.18 * np.std([one.estimate for one in told]), rel=0.6)

@@ -57,7 +57,6 @@ def test_half_widths_are_those_of_the_scatter(base: Any) -> None:
         assert base.widths[f"level {name}"] >= base.widths[f"curves {name}"]  # a level may lie off the curve
 
 
-@pytest.mark.slow
 def test_sweeps_are_noticed_and_covered(sets: Any) -> None:
     """One gain a sweep: Σ(R − 1) would count 20 independent runs where there are two."""
     swept = sets.measure(sets.VARIANTS["sweeps"], 12, first=30_000)
@@ -65,7 +64,6 @@ def test_sweeps_are_noticed_and_covered(sets: Any) -> None:
     assert swept.widths["curves Ts"] > 2 * 2.3
 
 
-@pytest.mark.slow
 def test_one_run_a_level_gives_the_curve(sets: Any) -> None:
     single = sets.measure(sets.VARIANTS["single"], 12, first=20_000)
     for name in ("Ts", "tau1", "tau2"):

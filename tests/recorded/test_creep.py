@@ -26,23 +26,15 @@ def staircase(creep: float, bent: bool = False, seed: int = 1) -> pd.DataFrame:
     return pd.DataFrame({"time_s": t, "duty_pct": duty, "torque_nm": torque})
 
 
-@pytest.mark.parametrize(
-    ("creep", "bent"),
-    [
-        (0.0, False),
-        (0.06, False),
-        pytest.param(-0.12, False, marks=pytest.mark.slow),
-        pytest.param(0.12, True, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("creep", "bent"), [(0.06, False), pytest.param(0.12, True, marks=pytest.mark.slow)])
 def test_a_creep_is_found_and_no_plant_imitates_it(creep, bent, tmp_path):
     """One of 1 % of the highest output made τ2 half as long again, and a hysteresis."""
     path = tmp_path / "log.csv"
     staircase(creep, bent).to_csv(path, index=False)
     fit = eaid.fit(path)
     told = {one.code: one.values for one in fit.findings if one.severity != "note"}
-    assert set(told) == {"few-levels-for-polynomials", *(["log-creeps"] if creep else [])}  # there are three
-    if creep and not bent:
+    assert set(told) == {"few-levels-for-polynomials", "log-creeps"}  # there are three
+    if not bent:
         assert told["log-creeps"]["low"] < creep < told["log-creeps"]["high"]
         assert fit.logs[0].creep == pytest.approx((creep, 0.0), abs=0.015)
     for level in LEVELS:
@@ -110,12 +102,13 @@ def test_falls_that_differ_no_longer_by_themselves_are_as_rises():
     assert fit.plant.falls == (1.0, 1.0) and "falls-differ" not in {one.code for one in fit.findings}
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_slow_noise_is_no_creep(seed):
-    """Of a memory of 2 s, 1 % of the highest output."""
+    """Of a memory of 2 s, 1 % of the highest output: nothing but three levels to tell."""
     log = staircase(0.0)
     log["torque_nm"] += lfilter([0.04 * 0.2], [1, -0.98], np.random.default_rng(seed).normal(size=len(log)))
-    assert "log-creeps" not in {one.code for one in eaid.fit(log).findings}
+    told = {one.code for one in eaid.fit(log, ci="none").findings if one.severity != "note"}
+    assert told == {"few-levels-for-polynomials"}
 
 
 def test_a_gain_that_drifts_is_no_creep_of_the_output():

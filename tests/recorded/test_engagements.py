@@ -99,13 +99,8 @@ def test_single_runs_of_a_friction_rig_have_the_usual_scatter_in_their_intervals
     draw, t, frames = np.random.default_rng(4), np.arange(0, 35, 0.02), {}
     for force in (20, 50, 80, 110, 140, 170):
         on = np.clip(t - 5, 0, None)
-        y = (
-            0.015
-            * force
-            * (1 - 0.85 * np.exp(-on / 0.3) - 0.15 * np.exp(-on / 5.0))
-            * (1 + 0.03 * draw.standard_normal())
-        )
-        y = np.where(t >= 5, y, 0.0) + 0.01 * draw.standard_normal(len(t))
+        way = 1 - 0.85 * np.exp(-on / 0.3) - 0.15 * np.exp(-on / 5.0)
+        y = 0.015 * force * (1 + 0.03 * draw.standard_normal()) * way + 0.01 * draw.standard_normal(len(t))
         columns = {"time_s": t, "force_n": np.where(t >= 5, float(force), 0.0), "torque_nm": y}
         frames[f"f{force}"] = pandas.DataFrame(columns)
     fit = eaid.fit(frames, model=("friction",))

@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 import eaid
-from eaid.errors import DataError
 from eaid.plant.dynamics import REFERENCE_PLANT
 from eaid.plant.respond import respond
 
@@ -27,13 +26,10 @@ def written(folder: Path) -> Path:
 
 def test_a_log_that_was_repaired_is_played_again_without_its_spikes(tmp_path: Path) -> None:
     """They stood in the replay: 7 to 93 % of the logs of a fit that was right."""
-    fit = eaid.fit(eaid.read(written(tmp_path), repair=True))
+    with pytest.raises(eaid.DataError, match="1 row far out of the record.*repair="):
+        eaid.fit(written(tmp_path))
+    fit = eaid.fit(eaid.read(tmp_path, repair=True))
     assert all((one.fit_pct or 0) > 90 for one in fit.data.replayed)
     replay = eaid.simulate(fit, log=tmp_path / "clutch_060_run1.csv")
     assert replay.records["clutch_060_run1"].metrics.fit_pct > 97
     assert "rows-dropped" in {one.code for one in replay.findings}
-
-
-def test_spikes_in_most_runs_are_asked_about_and_leave_no_few_runs_to_a_usable_fit(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="1 row far out of the record.*repair="):
-        eaid.fit(written(tmp_path))

@@ -65,34 +65,11 @@ ALSO_THERE = {"series", "ringing behind a dead time", "overshoot"}
 RECORDED = [pytest.param(name, marks=[pytest.mark.slow] if name in ALSO_THERE else []) for name in PLANTS]
 
 
-@pytest.mark.slow
-def test_random_inputs_of_a_torque_that_has_an_onset(tmp_path):
-    """T_s(u) goes through values, by the law of the fit and by that of the plant, which differ most at a kink."""
-    draw = np.random.default_rng(2)
-    u = np.append(np.zeros(150), np.repeat(draw.uniform(0.05, 1.0, 60), draw.integers(25, 300, 60)))
-    rise = tuple((float(x), float(max(x - 0.2, 0.0))) for x in np.linspace(0.05, 1.0, 96))
-    log = logged(plant(0.3, 4.0, u_range=(0.05, 1.0), Ts_through=rise), 0.02 * np.arange(len(u)), u)
-    log.to_csv(tmp_path / "log.csv", index=False)
-    (pct,) = held_against(tmp_path / "log.csv", logs_as="recorded", **UNITS).values()
-    assert pct > 95 and eaid.fit(eaid.read(tmp_path / "log.csv", **UNITS), ci="none").plant.Ts_through
-
-
 @pytest.mark.parametrize("name", RECORDED)
 def test_a_recording(name, tmp_path):
     logged(PLANTS[name], *staircase(name)).to_csv(tmp_path / "log.csv", index=False)
     (pct,) = held_against(tmp_path / "log.csv", "one", logs_as="recorded", **UNITS).values()
     assert pct > 95
-
-
-def test_a_plant_of_both_signs_foretells_both():
-    fit = eaid.fit(
-        eaid.read(pd.DataFrame(logged(PLANTS["signed"], *staircase("signed"))), logs_as="recorded", **UNITS),
-        shape="one",
-    )
-    both = fit.predict([0.8, -0.8], [0.0, 9.0]).to_numpy()
-    np.testing.assert_allclose(both, [[0.0, 0.0], [0.8, -1.4 * 0.8]], atol=0.01)
-    with pytest.raises(eaid.UsageError, match="duty= -1.2"):
-        fit.predict(-1.2, [1.0])
 
 
 @pytest.mark.parametrize(
@@ -107,19 +84,6 @@ def test_an_overshoot_falls_as_it_rises(tmp_path):
     """Its release undershoots: 88 % with the one lag that a release has behind two rising lags."""
     steps(tmp_path, PLANTS["overshoot"], until_s=13.0)
     assert min(held_against(tmp_path, logs_as="steps", **UNITS).values()) > 96
-
-
-@pytest.mark.slow  # tests/estimate/test_level_values: kinds of steps
-def test_steps_that_ring_are_no_lag_behind_a_dead_time():
-    t, random = np.arange(0.0, 22.0, 0.01), np.random.default_rng(3)
-    logs = {}
-    for k, level in enumerate((0.2, 0.4, 0.6, 0.8, 1.0) * 2):
-        log = logged(plant(0.25, zeta=0.3), t, np.where((t >= 1) & (t < 13), level, 0.0))
-        logs[f"r{k}"] = log.assign(output=3 + (log["output"] - 3) * (1 + 0.01 * random.normal()))
-    fit = eaid.fit(eaid.read(logs, **UNITS))
-    assert fit.plant.zeta == pytest.approx(0.3, abs=0.01) and fit.dead_time_s == 0
-    assert min(one.fit_pct for one in fit.data.replayed) > 90
-    assert not {"dead-time", "other-shape-fits-better"} & {one.code for one in fit.findings}
 
 
 def test_an_output_that_counts_with_its_sign_turned(tmp_path):

@@ -8,8 +8,7 @@ from scipy import stats
 
 import eaid
 from eaid.findings import finding
-from eaid.sessions.compare import Shift, _session_covariance, holm
-from eaid.sessions.gather import values_of_fit
+from eaid.sessions.compare import Shift, holm
 
 
 @pytest.fixture(scope="module")
@@ -90,26 +89,6 @@ def test_of_two_sessions_alike_as_many_differ_as_chance_has_it(make):
             frames |= make(int(rng.integers(1e6)), levels=(u,))
         both[k] = eaid.fit(frames)
     assert not eaid.compare(both[40], both[41]).shifts[0].moved
-
-
-def test_levels_on_one_curve_are_off_together(fits):
-    """Five levels of a quadratic know no more than its three coefficients: their mean is as sure as these leave it."""
-    one = fits["s0"]
-    for name, rank in (("Ts", len(one.data.levels)), ("tau1", min(3, len(one.data.levels)))):
-        values = values_of_fit(one, name, "A")
-        covariance, apart, known = _session_covariance(one, name, values)
-        assert known == rank == np.linalg.matrix_rank(apart, tol=1e-9 * apart.max())
-        for each in (covariance, apart):
-            assert np.sqrt(np.diag(each)) == pytest.approx([one.sd_log for one in values])
-    rng, part, weight = np.random.default_rng(0), one.nonlinear, np.full(len(values), 1 / len(values))
-    at = [k for k, name in enumerate(part.covariance.order) if name.startswith("tau1")]
-    matrix = np.array(part.covariance.matrix)[np.ix_(at, at)]
-    powers = (np.array([each.level for each in values]) / 100)[:, None] ** np.arange(len(at))
-    drawn = np.log(
-        powers
-        @ (np.array(part.tau1) * 100.0 ** np.arange(len(at)) + rng.multivariate_normal(0 * weight[:3], matrix, 4000)).T
-    )
-    assert np.sqrt(weight @ covariance @ weight) == pytest.approx((weight @ drawn).std(), rel=0.1)
 
 
 def test_a_fit_without_intervals_is_named_for_that(before, make):
