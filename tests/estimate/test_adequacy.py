@@ -11,7 +11,7 @@ from eaid.plant.steps import step_response
 from eaid.steps.stepset import Level
 
 from ..conftest import codes
-from .conftest import steps_of
+from .made import steps_of
 
 T, T_LONG = np.arange(1500) * 0.02, np.arange(1000) * 0.02
 DUTY = np.arange(10.0, 101.0, 10.0)

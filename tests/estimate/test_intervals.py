@@ -1,11 +1,11 @@
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 import eaid
+from benchmarks import coverage
 from eaid.apparatus import Apparatus
 from eaid.estimate.draw import draw
 from eaid.findings import say
@@ -14,12 +14,12 @@ from eaid.plant.steps import step_response, step_slopes
 from eaid.steps.stepset import Level, StepSet
 
 from ..conftest import codes
-from .conftest import steps_of
+from .made import steps_of
 
 
 @pytest.fixture(scope="module")
-def made(sets: Any) -> StepSet:
-    found: StepSet = sets.one_set(7, sets.VARIANTS["base"], samples=800)
+def made() -> StepSet:
+    found: StepSet = coverage.one_set(7, coverage.VARIANTS["base"], samples=800)
     return found
 
 
@@ -68,10 +68,10 @@ def test_plants_are_drawn_from_what_is_kept(body: eaid.Fit) -> None:
     assert high == pytest.approx(row.ci95.Ts[1], rel=0.01)
 
 
-def test_the_joint_fit_is_not_believed_where_scatter_leads_it_astray(sets: Any) -> None:
+def test_the_joint_fit_is_not_believed_where_scatter_leads_it_astray() -> None:
     """In this set the joint fit's τ2 runs away; the plant has 4.8 s at 10 %."""
     for seed in range(30):
-        found = sets.one_set(seed, sets.VARIANTS["base"], samples=400)
+        found = coverage.one_set(seed, coverage.VARIANTS["base"], samples=400)
         auto = eaid.fit(found)
         if "tau2" in {one.values["parameter"] for one in auto.findings if one.code == "joint-fit-parts"}:
             break
@@ -85,12 +85,12 @@ def test_the_joint_fit_is_not_believed_where_scatter_leads_it_astray(sets: Any) 
     assert joint.nonlinear.rmse < auto.nonlinear.rmse  # the joint fit has the least squares, not the best curves
 
 
-def test_no_level_loses_its_steady_torque_where_the_record_leaves_tau2_open(sets: Any) -> None:
+def test_no_level_loses_its_steady_torque_where_the_record_leaves_tau2_open() -> None:
     """Ten levels × three runs of 8 s for a τ2 of 5 to 17 s: every T_s is quoted, and right."""
-    base, held = sets.VARIANTS["base"], []
+    base, held = coverage.VARIANTS["base"], []
     for seed in range(3):
-        for row in eaid.fit(sets.one_set(seed, base, samples=800, record_s=8.0)).nonlinear.curves:
-            Ts = sets.plant(row.level, base).Ts
+        for row in eaid.fit(coverage.one_set(seed, base, samples=800, record_s=8.0)).nonlinear.curves:
+            Ts = coverage.plant(row.level, base).Ts
             assert row.Ts == pytest.approx(Ts, rel=0.12)
             held.append(row.ci95.Ts[0] <= Ts <= row.ci95.Ts[1])
     assert np.mean(held) >= 0.85

@@ -20,7 +20,7 @@ from eaid.results.fit import Fit
 from eaid.steps.stepset import Level, StepSet
 
 from ..conftest import codes, made_once
-from .conftest import steps_of
+from .made import steps_of
 
 LEVELS = np.arange(10.0, 101.0, 10.0)
 OFF = {50.0: 0.8, 70.0: 1.1}  # T_s over the curve's, of levels that were recorded on another day

@@ -18,7 +18,7 @@ from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
 from eaid.reading import read_steps
 
-from .conftest import loop
+from .loops import loop
 
 COLUMNS = {"time": "time_s", "input": "input_V", "output": "speed_rpm"}
 OPTIONS = {"columns": COLUMNS}

@@ -21,7 +21,7 @@ from eaid.results.plant import number_at
 from eaid.results.verdict import judged
 
 from ..conftest import codes
-from .conftest import loop
+from .loops import loop
 
 LAG = Plant((0.5,), (0.5,), (0.0, 0.02), (1.0, 100.0), C=1.0)
 

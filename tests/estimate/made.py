@@ -1,18 +1,9 @@
 from collections.abc import Callable, Iterable
-from types import ModuleType
 
 import numpy as np
-import pytest
 
-from benchmarks import coverage
 from eaid.apparatus import Apparatus
 from eaid.steps.stepset import Level, StepSet
-
-
-@pytest.fixture(scope="session")
-def sets() -> ModuleType:
-    """The simulated sets of benchmarks/coverage.py: one_set(seed, variant), truth, hits."""
-    return coverage
 
 
 def steps_of(
