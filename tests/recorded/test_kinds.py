@@ -163,16 +163,6 @@ def test_a_clutch_keeps_its_form_and_what_falls_have_is_replayed(tmp_path: Path)
     assert "replay-no-hysteresis" in {one.code for one in played.findings}  # a controller's input falls to no level
 
 
-@pytest.mark.slow
-def test_one_engagement_does_not_end_in_a_division_by_zero() -> None:
-    """Twelve to 28 V, never at rest: the scatter of a single engagement has no degree of freedom."""
-    truth, t = plant(0.4, C=1.0, gain=0.3), np.arange(4000) * 0.02
-    u = np.repeat(np.random.default_rng(1).choice([12.0, 17.0, 23.0, 28.0], 80), 50)
-    y = respond(truth, t, u, t) * np.repeat([1.0, 1.03], 2000) + 0.02 * np.random.default_rng(0).normal(size=t.size)
-    fit = fitted(pd.DataFrame({"time_s": t, "input_V": u, "speed_rpm": y}))
-    assert fit.plant.kind == "lag" and fit.plant.tau1[0] == pytest.approx(0.4, rel=0.1)
-
-
 def test_a_dead_time_that_falls_on_a_sample_has_converged() -> None:
     """Three samples: the cost has a bend there."""
     truth, t = plant(0.2, C=1.0, gain=1.5, dead_time_s=0.06), np.arange(1500) * 0.02
