@@ -3,7 +3,6 @@
 import math
 
 import pytest
-from scipy.optimize import brentq
 
 import eaid
 from eaid.control.margins import may_be_steeper, operating_points
@@ -11,6 +10,8 @@ from eaid.plant.dynamics import Plant
 from eaid.plant.linear import PAPER_LINEAR
 from eaid.results.codec import to_plain
 from eaid.results.plant import FittedPlant
+
+from .test_dead_time import slopes as slopes_of
 
 LAGS = ((0.0772, 0.2673), (0.0136, 15.53))
 """Gain [N·m/%] and time constant [s] of two lags, as around 100 % duty of the reference plant."""
@@ -84,22 +85,6 @@ def late_of(found):
     return math.radians(found.phase_deg) / (2 * math.pi * found.crossover_hz)
 
 
-def slopes_of(rc, model, torque, duty):
-    """k_T and k_q of the printed law about rest, at the integral where it gives this duty."""
-
-    def law(integral, measured):
-        e = torque - measured
-        z = rc.Q[1][0] * integral + rc.Q[1][1] * e
-        rho = rc.rho.constant + rc.rho.slope * math.hypot(integral, e)
-        S = (math.tanh(rc.gamma * (abs(z) - rc.epsilon)) + 1) / 2
-        omega = S * rho * math.copysign(1, z) + (1 - S) * rho * z / rc.epsilon
-        return rc.B_hat * (rc.K_D * e + rc.K_P * integral + omega) + (model.a0 * measured - model.c0) / model.b0
-
-    rest, h = brentq(lambda q: law(q, torque) - duty, -1e3, 1e3, xtol=1e-14), 1e-6
-    k_T = (law(rest, torque - h) - law(rest, torque + h)) / (2 * h)
-    return k_T, (law(rest + h, torque) - law(rest - h, torque)) / (2 * h)
-
-
 @pytest.mark.parametrize("c0", [-0.676, -2.42])
 def test_margins_of_the_robust_law_are_where_the_simulation_turns(tuned, point, c0):
     """In the middle of the layer (c0 = 1.36·4.54 − 4, where η̂ is the duty held) it is the PI of equal slope."""
@@ -107,7 +92,7 @@ def test_margins_of_the_robust_law_are_where_the_simulation_turns(tuned, point, 
     rc = {"kp": 4.5, "kd": 3.0, "q_max": 5.0, "phi": 0.05, "epsilon": 0.5, "gamma": 50.0, "linear": {"c0": c0}}
     found = point(LAGS, PI, pwm_hz=300.0, **rc).loops["rc"]
     made = tuned(linear={"c0": c0})
-    slopes = slopes_of(made.rc, made.model, 50 * 0.0908, 50.0)
+    slopes = slopes_of(made, "rc", 50 * 0.0908, 50.0)
     if c0 != -2.42:
         assert slopes == pytest.approx((made.rc.equal_pi.K_P - 17.0, made.rc.equal_pi.K_I), rel=1e-4)
         assert slopes == pytest.approx((312.818 - 17.0, 206.42), abs=0.01)

@@ -16,6 +16,10 @@ from eaid.results.verdict import judged
 from ..conftest import GAINS, codes
 
 VOLTS = {"input_unit": "V", "output_unit": "N", "levels": [1.0, 5.0], "sample_rate_hz": 500.0}
+ONE = {
+    "b0": 1.6, "bounds": {"B_m": 0.62, "B_M": 2.13},
+    "per_level": [{"level": 5.0, "a0": 1.5, "gain": 4.0, "b0": 1.2, "c0": 0.0, "B": 5 / 6}],
+}  # fmt: skip
 
 
 def settled(gains):
@@ -86,9 +90,7 @@ def test_a_plant_says_how_high_its_output_and_its_input_go(tuned):
 
 def test_a_loop_that_is_sampled_slowly_gets_a_thicker_layer_and_a_slower_pi(tuned):
     """Both grow by half until the loop runs, and no further; γε stays."""
-    row = {"level": 5.0, "a0": 1.5, "gain": 4.0, "b0": 1.2, "c0": 0.0, "B": 5 / 6}
-    linear = {"b0": 1.6, "bounds": {"B_m": 0.62, "B_M": 2.13}, "per_level": [row]}
-    quick, slow = (tuned(linear=linear, data=VOLTS, rate_hz=rate) for rate in (500.0, 4.0))
+    quick, slow = (tuned(linear=ONE, data=VOLTS, rate_hz=rate) for rate in (500.0, 4.0))
     assert settled(quick) == pytest.approx(0.27)
     for grown, own in ((settled(slow), settled(quick)), (slow.rc.epsilon, quick.rc.epsilon)):
         steps = np.log(grown / own) / np.log(1.5)
@@ -97,20 +99,18 @@ def test_a_loop_that_is_sampled_slowly_gets_a_thicker_layer_and_a_slower_pi(tune
     for worst in (slow.margins.worst["rc"], slow.margins.worst["pi"]):
         assert worst.gain_db >= 6 and worst.phase_deg >= 45
     once = {"epsilon": slow.rc.epsilon / 1.5, "gamma": slow.rc.gamma * 1.5, "phi": slow.rc.phi}
-    before = tuned(linear=linear, data=VOLTS, rate_hz=4.0, pi_gains=(0.1, 0.1), **once).margins.worst["rc"]
+    before = tuned(linear=ONE, data=VOLTS, rate_hz=4.0, pi_gains=(0.1, 0.1), **once).margins.worst["rc"]
     assert before.gain_db < 6 or before.phase_deg < 45
 
 
 def test_a_dead_time_slows_both_controllers_down_and_ends_the_guarantee(tuned, told, fit_of, rises):
-    row = {"level": 5.0, "a0": 1.5, "gain": 4.0, "b0": 1.2, "c0": 0.0, "B": 5 / 6}
-    linear = {"b0": 1.6, "bounds": {"B_m": 0.62, "B_M": 2.13}, "per_level": [row]}
-    at_once, late = (tuned(linear=linear, data=VOLTS, steps=steps) for steps in ([], rises(0.15)))
+    at_once, late = (tuned(linear=ONE, data=VOLTS, steps=steps) for steps in ([], rises(0.15)))
     assert fit_of(steps=rises(0.15)).dead_time_s == 0.15 and late.margins.timing.delay_samples == 150
     assert late.rc.epsilon > at_once.rc.epsilon and settled(late) > 2 * settled(at_once)
     assert "dead-time" not in [one.name for one in at_once.guarantee.conditions]
     assert "dead-time" in late.guarantee.missing and late.guarantee.holds is False
     with pytest.raises(eaid.GainsError, match="PI loop is .* around 5 V, at 1000 Hz behind a dead time of 0.15 s; ask"):
-        tuned(linear=linear, data=VOLTS, steps=rises(0.15), phi=0.1, pi_gains=(at_once.pi.K_P, 9 * at_once.pi.K_I))
+        tuned(linear=ONE, data=VOLTS, steps=rises(0.15), phi=0.1, pi_gains=(at_once.pi.K_P, 9 * at_once.pi.K_I))
 
 
 def test_a_level_at_which_the_output_falls_leaves_no_pi(fit_of):
