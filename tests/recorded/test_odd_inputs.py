@@ -366,7 +366,8 @@ def test_another_kind_of_a_loop_has_a_gain_over_the_inputs_that_act():
     noise, steady = 0.006 * draw.standard_normal(n) + 0.01 * slow * wanted, lambda u: 0.04 * u * (0.4 + 0.006 * u)
     taus = (lambda u: 0.2 + 0.0025 * u, lambda u: 5 + 0.06 * u)
     duty, read = loop(wanted, dt, (15, 25), steady, taus, noise=noise, dead_rows=dead_rows)
-    fit = judged(fit_recorded([RecordedLog("loop", dt * np.arange(n), duty, read, reference=wanted)], FitOptions()))
+    log = RecordedLog("loop", dt * np.arange(n), duty, read, reference=wanted)
+    fit = judged(fit_recorded([log], FitOptions(model=("nonlinear",), ci="none")))
     assert fit.verdict.usable and fit.plant.dead_time_s == pytest.approx(dead_rows * dt, abs=0.005)
 
 
