@@ -147,7 +147,10 @@ def test_behind_a_dead_time_longer_than_its_lag_there_is_no_robust_controller(la
     gains.save(tmp_path / "gains.json")
     read = eaid.load(tmp_path / "gains.json")
     assert list(eaid.simulate(fit, read, "steps").records) == ["pi"]
-    for use in (lambda: eaid.simulate(fit, read, controller=("rc",)), lambda: eaid.export(read, tmp_path, law=("rc",))):
+    for use in (
+        lambda: eaid.simulate(fit, read, controller=("rc",)),
+        lambda: eaid.export(read, tmp_path / "c", law=("rc",)),
+    ):
         with pytest.raises(eaid.UsageError, match=r"rc: none behind a dead time of 164 s, longer than 1/a0, 149 s"):
             use()
     with pytest.raises(eaid.GainsError, match="the RC loop is unstable"):  # what is given is judged as it is
@@ -271,7 +274,9 @@ def test_runs_that_start_apart_are_laid_on_each_other() -> None:
 def test_falls_alone_are_refused_with_what_is_missing() -> None:
     t = np.arange(0.0, 10.0, 0.01)
     gone, held = np.exp(-np.maximum(t - 3, 0) / 0.3), t < 3
-    falls = {u: {"time_s": t, "duty_pct": u * held, "torque_nm": 0.02 * u * gone} for u in (20.0, 60.0, 100.0)}
+    falls = {
+        u: {"time_s": t, "duty_pct": u * held, "torque_nm": 0.02 * u * gone} for u in (20.0, 40.0, 60.0, 80.0, 100.0)
+    }
     with pytest.raises(eaid.DataError, match="no rise, from rest or between levels, .*record the rise before it"):
         eaid.fit({f"u{u}": pd.DataFrame(one) for u, one in falls.items()})
 
