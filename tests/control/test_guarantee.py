@@ -127,12 +127,11 @@ def test_no_drawn_design_says_yes_wrongly(judged):
 
 def test_the_duty_asked_is_that_of_the_worst_plant_along_the_reference(judged):
     """η̂(T_d) ± φ + B Ṫ_d at each sample, both B, by the page."""
-    reference = triangle(1.5, 3.5, 3.0)
+    reference = triangle(1.5, 3.5, 3.0, 1.4)  # both slopes
     rows = {one.name: one for one in judged(reference).guarantee.conditions}
     assert rows["duty-limit"].needed == pytest.approx(20 * 3.5 + 1 + 6.2 * 3, abs=0.1)
     assert rows["duty-floor"].needed == pytest.approx(20 * 1.5 - 1 - 6.2 * 3, abs=0.1)
     assert (rows["duty-limit"].available, rows["duty-floor"].available) == (100.0, 0.0)
-    reference = triangle(1.5, 3.5, 3.0, 1.4)  # both slopes
     assert judged(reference, duty_limits=(0.0, 89.0)).guarantee.missing == ("duty-limit",)
     assert judged(reference, duty_limits=(11.0, 100.0)).guarantee.missing == ("duty-floor",)
     # a model whose torque settles so quickly that (b) fails has to do it an error further out
