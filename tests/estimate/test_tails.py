@@ -9,7 +9,6 @@ import pytest
 import eaid
 from benchmarks import coverage
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant
-from eaid.plant.respond import respond
 
 CLUTCH = Plant((0.40, -0.0015), (12.0, -0.06), (0.3, 0.009, 0.00029), (10.0, 100.0))
 RELEASES = {
@@ -114,33 +113,6 @@ def test_sweeps_of_other_plants_are_fitted_as_recorded(C: float, dead_time_s: fl
     for u in LEVELS:
         assert float(fit.plant.steady(u)) == pytest.approx(plant.at(u).Ts, rel=0.03)
         assert float(fit.plant.time_constants(u)[0]) == pytest.approx(plant.at(u).tau1, rel=0.05)
-
-
-@pytest.mark.parametrize("zeta", [None, pytest.param(0.3, marks=pytest.mark.slow)])
-def test_a_sweep_of_another_kind_is_fitted_as_recorded(zeta: float | None) -> None:
-    """Whose tails the clutch's form does not tell: T_s(10 %) was 80 % too large."""
-    plant, t = Plant((0.6,), (0.6,), (0.0, 0.04), (10.0, 100.0), 1.0, zeta=zeta), np.arange(0.0, 60.0, 0.01)
-    place, since = np.divmod(t - 2.0, 9.0)
-    u = np.where((t >= 2.0) & (since < 8.0), 10.0 * (1 + place % 6), 0.0)
-    noise = 0.01 * np.random.default_rng(1).normal(size=(2, t.size))
-    logs = [pd.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": respond(plant, t, u, t) + one}) for one in noise]
-    fit = eaid.fit(eaid.read(dict(zip("ab", logs, strict=True))))
-    assert fit.recorded is not None
-    assert fit.plant.kind == plant.kind
-    assert float(fit.plant.steady(10.0)) == pytest.approx(0.4, rel=0.02)
-
-
-def test_a_low_level_behind_a_high_one_in_any_order() -> None:
-    """Most of the step was left already: the run was left out as off its rest, and the set fitted as recorded, with τ2
-    off by 180 %."""
-    plant, random = RELEASES["one pair"], np.random.default_rng(11)
-    logs = {k: sweep(plant, random.permutation(LEVELS), 5.0, 0.01, random) for k in range(2)}
-    fit = eaid.fit(eaid.read(logs))
-    assert fit.recorded is None and not any(run.left_out for run in fit.samples.steps.runs)
-    for row in fit.friction_levels:
-        true = CLUTCH.at(row.level)
-        assert row.Ts == pytest.approx(true.Ts, rel=0.03)
-        assert row.tau2 == pytest.approx(true.tau2, rel=0.15)
 
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])

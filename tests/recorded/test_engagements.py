@@ -7,14 +7,9 @@ from scipy.signal import lfilter
 
 import eaid
 from eaid.apparatus import Apparatus
-from eaid.estimate import forms
-from eaid.estimate.recorded_log import RecordedLog
 from eaid.options import FitOptions
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
-from eaid.recorded.engagements import free_gains
-from eaid.recorded.fit import experiment_of
-from eaid.recorded.from_logs import fit_setup, setup_of
 from eaid.shapes.delay import dead_time_of
 from eaid.steps.stepset import RunRecord, StepSet
 
@@ -61,23 +56,6 @@ def test_tau1_that_differs_between_engagements_is_in_its_interval() -> None:
     assert fit.uncertainty.noise.scatter["tau1"] == pytest.approx(0.07, abs=0.03)
     for row in fit.nonlinear.curves:
         assert row.ci95.tau1[0] < CLUTCH.at(row.level).tau1 < row.ci95.tau1[1]
-
-
-def test_freed_of_gains_a_log_tells_no_gain_of_an_engagement_and_their_mean_tells_that_of_all() -> None:
-    t, u, y = log_of(GAINS)
-    log = RecordedLog("a", t, u, y, baseline=0.0, idle_start=True)
-    levels = experiment_of([log], FitOptions()).inputs.levels
-    solved = fit_setup(setup_of(forms.nonlinear(levels, 0.85), [log]))
-    (freed,) = free_gains(solved.setup, solved.x)
-    part = solved.setup.model.slices[0]
-    T = freed.J[:, part] @ solved.x[part]  # of all engagements alike
-    assert np.abs(freed.Z.T @ freed.J - freed.J.T @ freed.Z).max() < 1e-9 * np.abs(freed.Z.T @ freed.J).max()
-    by_all = freed.Z @ np.linalg.lstsq(freed.J, T, rcond=None)[0]
-    each = np.arange(len(T)) * 5 // len(T)
-    ends = np.flatnonzero(np.diff((u > 0).astype(int)) == 1)  # where engagements begin
-    each = np.searchsorted(ends, np.arange(len(T)), side="left")
-    moves = [float(by_all[each == k] @ T[each == k]) for k in range(1, 6)]
-    assert moves == pytest.approx([moves[0]] * 5, rel=1e-6)  # one gain counts as much as another
 
 
 @pytest.mark.parametrize("seed", [0, 1])

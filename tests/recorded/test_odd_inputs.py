@@ -14,7 +14,6 @@ from eaid.findings import say
 from eaid.options import FitOptions
 from eaid.plant.dynamics import REFERENCE_PLANT, Plant
 from eaid.plant.respond import respond
-from eaid.recorded.engagements import engagements
 from eaid.recorded.fit import fit_recorded
 from eaid.recorded.inputs import find_inputs
 from eaid.results.plant import number_at
@@ -114,16 +113,6 @@ def test_a_range_without_a_level_is_refused_by_its_levels():
     columns["torque_Nm"] = respond(LAG, t, columns["duty_pct"], t)
     with pytest.raises(eaid.UsageError, match=r"40:50: no level of the logs lies in it; they hold 20, 60, 80"):
         eaid.fit(eaid.read(pd.DataFrame(columns), logs_as="recorded"), duty=(40, 50))
-
-
-def test_an_input_of_both_signs_that_never_rests_is_one_engagement():
-    from eaid.estimate import forms
-    from eaid.recorded.from_logs import setup_of
-
-    t, random = np.arange(4000) * 0.01, np.random.default_rng(2)
-    u = np.repeat(random.choice([-1.0, 1.0], 100), 40)
-    (drive,) = setup_of(forms.nonlinear(np.array([0.5, 1.0]), 0.85), [log(t, u)], True).every.drives
-    assert not engagements(drive).any()
 
 
 @pytest.mark.parametrize("kind", ["lag", pytest.param("ringing", marks=pytest.mark.slow)])

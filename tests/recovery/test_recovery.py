@@ -36,20 +36,6 @@ def test_ten_coefficients_of_the_reference_plant(duration_s: float, rate_hz: flo
         assert [*fit.plant.tau1, *fit.plant.tau2, *fit.plant.Ts] == pytest.approx([*TAU1, *TAU2, *TS], rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_other_plants_return(seed: int) -> None:
-    truth = fit_quality.random_plant(np.random.default_rng(seed))
-    t = np.arange(2200) / 100
-    torque = np.hstack([np.zeros((10, 200)), fit_quality.curves(t[:2000], fit_quality.levels_of(truth))])
-    logs = {
-        f"u{u}": pd.DataFrame({"time_s": t, "duty_pct": u * (np.arange(2200) >= 200), "torque_nm": y})
-        for u, y in zip(fit_quality.LEVELS, torque, strict=True)
-    }
-    found = eaid.fit(logs, estimator="joint", **MODEL).nonlinear
-    values = np.concatenate([np.array(c) * 100.0 ** np.arange(len(c)) for c in (found.tau1, found.tau2, found.Ts)])
-    assert values == pytest.approx(truth, rel=1e-6, abs=1e-7)
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_the_cost_is_that_of_the_best_of_an_independent_multi_start(seed: int) -> None:
     case = fit_quality.make(seed)
