@@ -73,24 +73,11 @@ def test_sweeps_count_as_many_observations_as_there_are_sweeps() -> None:
     assert variance == pytest.approx(common @ common / 3 / 4) and degrees == pytest.approx(3.0, rel=0.02)
 
 
-DYESTUFF = np.array(  # Davies (1947), as in lme4: six batches of five yields [g]
-    [
-        [1545, 1440, 1440, 1520, 1580],
-        [1540, 1555, 1490, 1560, 1495],
-        [1595, 1550, 1605, 1510, 1560],
-        [1445, 1440, 1595, 1465, 1545],
-        [1595, 1630, 1515, 1635, 1625],
-        [1520, 1455, 1450, 1480, 1445],
-    ],
-    dtype=float,
-)
-T_S = [
-    [0.175, 0.325, 0.934],
-    [0.111, 0.400, 1.312],
-    [0.120, 0.264, 0.642],
-    [0.095, 0.210, 0.500],
-    [0.150, 0.330, 0.900],
-]
+DYESTUFF = np.array([  # Davies (1947), as in lme4: six batches of five yields [g]
+    [1545, 1440, 1440, 1520, 1580], [1540, 1555, 1490, 1560, 1495], [1595, 1550, 1605, 1510, 1560],
+    [1445, 1440, 1595, 1465, 1545], [1595, 1630, 1515, 1635, 1625], [1520, 1455, 1450, 1480, 1445],
+], dtype=float)  # fmt: skip
+T_S = (0.175, 0.325, 0.934, 0.111, 0.4, 1.312, 0.12, 0.264, 0.642, 0.095, 0.21, 0.5, 0.15, 0.33, 0.9)
 RUN = 0.11**2  # variance of a single run's logarithm
 
 
@@ -120,7 +107,7 @@ def sessions() -> MixedValues:
     x, session = np.tile(np.log(np.array([150, 200, 300]) / 200), 5), np.repeat(np.arange(5), 3)
     same = (session[:, None] == session).astype(float)
     G = (same, same * np.outer(x, x), np.eye(15))
-    return MixedValues(np.log(np.ravel(T_S)), np.c_[np.ones(15), x], RUN / 5 * np.eye(15), G)
+    return MixedValues(np.log(T_S), np.c_[np.ones(15), x], RUN / 5 * np.eye(15), G)
 
 
 @pytest.fixture(scope="module")

@@ -35,14 +35,10 @@ def fitted(
     random, t, made = np.random.default_rng(4), np.arange(0.0, record_s, 0.01), []
     for u in levels.tolist():
         true = REFERENCE_PLANT.at(u)
-        each = [
-            replace(
-                true,
-                Ts=true.Ts * (off or {}).get(u, 1.0) * (1 + 0.02 * random.standard_normal()),
-                tau1=true.tau1 * np.exp(0.03 * random.standard_normal()),
-            )
-            for _ in range(runs)
-        ]
+        size, each = true.Ts * (off or {}).get(u, 1.0), []
+        for _ in range(runs):
+            gain, slower = 1 + 0.02 * random.standard_normal(), np.exp(0.03 * random.standard_normal())
+            each.append(replace(true, Ts=size * gain, tau1=slower * true.tau1))
         outputs = np.array([step_response(one, t) + 0.01 * random.standard_normal(len(t)) for one in each])
         made.append(Level(u, t, outputs, tuple(f"{u:g}-{r}" for r in range(runs))))
     return eaid.fit(StepSet("clutch", "%", "N·m", Apparatus(), tuple(made)), model=model, **options)

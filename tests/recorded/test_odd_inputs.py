@@ -149,11 +149,8 @@ def test_an_input_below_rest_has_the_gain_that_its_log_shows(sign):
     y = sign * respond(signed, t, u, t) + 0.3 * random.standard_normal(len(t))
     columns = {"input": "volts", "output": "speed"}
     logs = pd.DataFrame({"time_s": t, "volts": u, "speed": y})
-    fit = eaid.fit(
-        eaid.read(logs, columns=columns, units={"input": "V", "output": "N"}, logs_as="recorded"),
-        ci="none",
-        shape="one",
-    )
+    steps = eaid.read(logs, columns=columns, units={"input": "V", "output": "N"}, logs_as="recorded")
+    fit = eaid.fit(steps, ci="none", shape="one")
     assert fit.plant.steady(-5.0 if sign > 0 else 5.0) == pytest.approx(-100.0 * sign, rel=0.01)
     assert fit.logs[0].fit_pct > 98
 

@@ -57,18 +57,14 @@ def test_tables_one_and_two_return() -> None:
             0.425 * np.exp(-0.310 * s) + 0.0498 * np.exp(-0.0150 * s), 5.4 * np.exp(-0.0101 * s))
         for s in range(5, 41, 5)
     }  # fmt: skip
-    forces, speeds = (
-        eaid.fit(
-            {
-                f"u{u}": pd.DataFrame({"time_s": t, column: 1.0 * u * (t >= 2), "torque_nm": curve(t - 2, *row)})
-                for u, row in rows.items()
-            },
-            ci="none",
-        ).friction
-        for column, rows, t in (
-            ("force_n", by_force, np.arange(6200) / 100), ("speed_rpm", by_speed, np.arange(3200) / 100)
-        )
-    )  # fmt: skip
+
+    def trends(column: str, rows: dict[int, Any], t: Any) -> Any:
+        on, of = t >= 2, {u: curve(t - 2, *row) for u, row in rows.items()}
+        logs = {f"u{u}": pd.DataFrame({"time_s": t, column: 1.0 * u * on, "torque_nm": y}) for u, y in of.items()}
+        return eaid.fit(logs, ci="none").friction
+
+    forces = trends("force_n", by_force, np.arange(6200) / 100)
+    speeds = trends("speed_rpm", by_speed, np.arange(3200) / 100)
     assert (forces.over, speeds.over) == ("stress_kpa", "speed_rpm")
     assert forces.trends["Ts"].coefficients == pytest.approx((0.0944, -0.0896), rel=1e-6)
     assert forces.trends["tau1"].coefficients == pytest.approx((0.11, 0.0492, 6.01, -0.431), rel=1e-5)
