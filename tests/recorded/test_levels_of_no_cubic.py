@@ -35,7 +35,8 @@ def log(form: str) -> pd.DataFrame:
 @made_once
 def fitted(form: str, curve: str) -> Fit:
     """A fit of such a log."""
-    return eaid.fit(eaid.read(log(form), logs_as="recorded"), model=("friction", "nonlinear"), curve=curve)
+    models = ("friction", "nonlinear")
+    return eaid.fit(eaid.read(log(form), logs_as="recorded"), model=models, curve=curve, shape="one")
 
 
 @pytest.mark.parametrize("form", ["threshold", pytest.param("kink", marks=pytest.mark.slow)])

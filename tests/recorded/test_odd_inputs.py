@@ -320,7 +320,7 @@ def test_a_torque_that_follows_no_cubic_is_no_fall_of_its_own(name):
     plant = replace(REFERENCE_PLANT, Ts_through=points)
     t, u = random_steps()
     logs = [log(t, u, plant, 0.02)]
-    fit = fit_recorded(logs, FitOptions())
+    fit = fit_recorded(logs, FitOptions(ci="none"))
     told = codes(fit)
     assert "torque-curve-by-evidence" in told and not {"falls-differ", "hysteresis"} & told.keys()
     for level in (20.0, 50.0, 80.0):
@@ -331,7 +331,8 @@ def test_a_torque_that_follows_no_cubic_is_no_fall_of_its_own(name):
 
 def test_a_cubic_torque_stays_one():
     t, u = random_steps()
-    assert "torque-curve-by-evidence" not in codes(fit_recorded([log(t, u, REFERENCE_PLANT, 0.02)], FitOptions()))
+    fit = fit_recorded([log(t, u, REFERENCE_PLANT, 0.02)], FitOptions(ci="none"))
+    assert "torque-curve-by-evidence" not in codes(fit)
 
 
 def test_a_range_that_ends_below_the_inputs_of_its_logs_goes_on_with_them():
