@@ -150,6 +150,7 @@ def test_another_share_is_no_fade() -> None:
     assert pytest.approx(0.9, abs=0.01) == fit.plant.C
 
 
+@pytest.mark.slow
 def test_friction_fades_too() -> None:
     """A friction rig's levels, each by itself, have no polynomials."""
     fit = eaid.fit(faded(0.001, names=("normal_force_N", "torque_Nm")), ci="none")
