@@ -34,10 +34,7 @@ def rows(fit, fit_of):
         PAPER: (paper, "pi"),
         MEETS: (eaid.tune_rc(fit), "pi"),
         ALIKE: (like, "rc"),
-        BARE: (
-            eaid.tune_rc(fit, pi_gains=(slopes.K_P - 17.0, slopes.K_I)),
-            "pi",
-        ),  # a0/b0 = 17 goes with the feedforward
+        BARE: (eaid.tune_rc(fit, pi_gains=(slopes.K_P - 17.0, slopes.K_I)), "pi"),  # a0/b0 = 17: the feedforward's
     }
 
 
@@ -84,15 +81,12 @@ def test_shares_in_words(fit, rows):
 
 @pytest.mark.slow
 def test_noise_over_seeds(fit, rows):
-    told = []
-    for name in ("RC, Table IV", PAPER):
+    def largest(name):
         runs = [replayed(fit, rows[name], noise_nm=0.01, seed=seed).columns for seed in range(20)]
-        apart = [
-            [np.abs(run["reference_nm"] - run[column])[5000:].max() for column in ("torque_nm", "measured_nm")]
-            for run in runs
-        ]
-        told.append(np.mean(apart, axis=0))
-    (rc, rc_seen), (pi, pi_seen) = told
+        seen = ("torque_nm", "measured_nm")
+        return np.mean([[np.abs(run["reference_nm"] - run[one])[5000:].max() for one in seen] for run in runs], axis=0)
+
+    (rc, rc_seen), (pi, pi_seen) = largest("RC, Table IV"), largest(PAPER)
     assert f"{rc:.3f} N·m against {pi:.3f} N·m over twenty seeds" in TEXT
     assert f"is {rc_seen:.3f} and {pi_seen:.3f} N·m" in TEXT
 

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -82,23 +83,13 @@ def beyond(gains, reference_nm, count, seed=1, settling_s=4.0):
 
 CASES = {  # range [N·m], slope [N·m/s]: the verdict, and what must fail
     "over the whole range, quickly": ((0.5, 4.95, 8.0), False),
-    "over the whole range": ((0.5, 4.95, 3.0), False),
     "in the middle": ((1.5, 3.5, 3.0), True),
-    "low down": ((1.0, 2.0, 3.0), True),
     "slowly": ((1.0, 4.0, 0.5), True),
 }
 
 
 @pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(
-            case, marks=[pytest.mark.slow] if case in ("low down", "over the whole range", "in the middle") else []
-        )
-        for case in CASES
-    ],
-)
+@pytest.mark.parametrize("case", CASES)
 def test_where_it_says_yes_no_plant_leaves_the_bound(judged, case, count):
     (low, high, slope), holds = CASES[case]
     reference = triangle(low, high, slope)
@@ -136,12 +127,11 @@ def test_no_drawn_design_says_yes_wrongly(judged):
 
 def test_the_duty_asked_is_that_of_the_worst_plant_along_the_reference(judged):
     """η̂(T_d) ± φ + B Ṫ_d at each sample, both B, by the page."""
-    reference = triangle(1.5, 3.5, 3.0)
+    reference = triangle(1.5, 3.5, 3.0, 1.4)  # both slopes
     rows = {one.name: one for one in judged(reference).guarantee.conditions}
     assert rows["duty-limit"].needed == pytest.approx(20 * 3.5 + 1 + 6.2 * 3, abs=0.1)
     assert rows["duty-floor"].needed == pytest.approx(20 * 1.5 - 1 - 6.2 * 3, abs=0.1)
     assert (rows["duty-limit"].available, rows["duty-floor"].available) == (100.0, 0.0)
-    reference = triangle(1.5, 3.5, 3.0, 1.4)  # both slopes
     assert judged(reference, duty_limits=(0.0, 89.0)).guarantee.missing == ("duty-limit",)
     assert judged(reference, duty_limits=(11.0, 100.0)).guarantee.missing == ("duty-floor",)
     # a model whose torque settles so quickly that (b) fails has to do it an error further out
@@ -224,12 +214,7 @@ def test_what_the_data_leave_open_of_the_range_is_told_beside_a_yes(judged):
 
 @pytest.mark.parametrize(
     ("falls", "holds"),
-    [
-        ({"release": (0.1, 0.1)}, None),
-        ({"falls": (3.0, 1.0)}, False),
-        ({"release": (1 / 3.4, 1 / 3.4)}, True),
-        ({}, None),
-    ],
+    [({"release": (0.1, 0.1)}, None), ({"falls": (3.0, 1.0)}, False), ({"release": (1 / 3.4, 1 / 3.4)}, True)],
 )
 def test_falls_that_differ_from_rises_have_a_b_of_their_own(judged, falls, holds):
     """A guarantee said yes, bounds of 0.004 N·m, where the true plant, whose falls were three times as quick, left 0.5;
@@ -237,9 +222,7 @@ def test_falls_that_differ_from_rises_have_a_b_of_their_own(judged, falls, holds
     gains = judged(triangle(1.5, 3.5, 3.0))
     plant = Plant((1 / 3.4,), (1 / 3.4,), (0.0, 0.05), (1.0, 100.0), C=1.0, **falls)
     found = falls_of_b(plant, (), (5.6, 6.2))
-    if not falls:
-        assert found is None
-        return
+    assert falls_of_b(replace(plant, falls=(1.0, 1.0), release=None), (), (5.6, 6.2)) is None
     grounds = Grounds(gains.model, (0.0, 100.0), gains.margins.timing, ("%", "N·m"), falls=found)
     (row,) = (one for one in guarantee_of(gains.rc, grounds).conditions if one.name == "falls")
     assert row.holds is holds

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 import eaid
 from eaid.control.gains import law_of
 from eaid.control.kinds import LAW_KINDS
-from eaid.control.margins import LinearLaw, Point, law_around
-from eaid.control.pi_feedforward import PIFeedforwardGains, pi_feedforward_step
+from eaid.control.pi_feedforward import pi_feedforward_step
 from eaid.control.rc import rc_step
 from eaid.options import CONTROLLERS
 
@@ -32,23 +31,6 @@ def test_the_pi_with_feedforward_is_rc_without_its_robust_term(gains, integral, 
     state, duty = pi_feedforward_step(law, integral, reference, rate, torque, 1e-3)
     same_state, same = rc_step(bare, integral, reference, rate, torque, 1e-3)
     assert state == same_state and duty == pytest.approx(same, rel=1e-12, abs=1e-9)
-
-
-def test_its_limits_and_its_integral():
-    held = PIFeedforwardGains(10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 10.0, 80.0)
-    # 10·1 + 5·0.3 + 2·4 + (1·2 − 0.2)/0.5
-    assert pi_feedforward_step(held, 0.3, 3.0, 4.0, 2.0, 0.1) == (pytest.approx(0.4), pytest.approx(23.1))
-    assert pi_feedforward_step(held, 0.0, 9.0, 0.0, 0.0, 0.1) == (0.0, 80.0)
-    assert pi_feedforward_step(held, -50.0, 1.0, 0.0, 2.0, 0.1) == (-50.0, 10.0)
-    assert pi_feedforward_step(held, 50.0, 1.0, 0.0, 2.0, 0.1) == (pytest.approx(49.9), 80.0)
-
-
-def test_around_a_point_it_is_its_own_slopes(gains, fit_of):
-    law = law_of(gains, "pi-feedforward")
-    around, _ = law_around(law, 2.0, 66.0)
-    fed_back = law.a0 / law.b0
-    assert around == pytest.approx(LinearLaw(law.K_P, law.B_hat, law.K_P - fed_back, law.K_I), rel=1e-6)
-    assert Point._fields[0] == "duty_pct"
 
 
 @pytest.fixture(scope="module")

@@ -61,15 +61,6 @@ def test_every_number_of_the_law_by_its_formula(tuned, one, other, K_P, K_D, Q_M
     assert pytest.approx(slopes) == (rc.equal_pi.K_P, rc.equal_pi.K_I)
 
 
-def test_pooled_is_not_guaranteed_and_minimax_is(tuned):
-    pooled, minimax = (tuned(**one).rc for one in ({}, {"b_hat": "minimax"}))
-    assert tuned(q_max=0.0, phi=0.0).rc.rho_covers is False  # by its slope alone
-    assert not pooled.rho_covers and pooled.alpha_reached == pytest.approx(0.7066, abs=1e-4)
-    assert minimax.rho_covers and minimax.B_hat == pytest.approx(19.2, abs=0.05)
-    assert minimax.alpha_reached == pytest.approx(minimax.alpha)
-    assert all(tuned(b_hat=minimax.B_hat * k).rc.alpha_reached > minimax.alpha for k in (0.9, 1.1))
-
-
 def test_a_pooled_b0_that_no_rho_is_enough_for_gives_way_to_the_middle(tuned, told):
     """As staircases have it, whose one slope over all levels is none of any level."""
     far = {"a0": 0.12, "b0": 1 / 181}

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks import coverage
 from eaid.estimate.spread import t_quantile
 
 SETS = 24
@@ -12,8 +13,8 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def base(sets: Any) -> Any:
-    return sets.measure(sets.VARIANTS["base"], SETS, first=10_000)
+def base() -> Any:
+    return coverage.measure(coverage.VARIANTS["base"], SETS, first=10_000)
 
 
 def band(values: np.ndarray, independent: float) -> tuple[float, float]:
@@ -57,17 +58,15 @@ def test_half_widths_are_those_of_the_scatter(base: Any) -> None:
         assert base.widths[f"level {name}"] >= base.widths[f"curves {name}"]  # a level may lie off the curve
 
 
-@pytest.mark.slow
-def test_sweeps_are_noticed_and_covered(sets: Any) -> None:
+def test_sweeps_are_noticed_and_covered() -> None:
     """One gain a sweep: Σ(R − 1) would count 20 independent runs where there are two."""
-    swept = sets.measure(sets.VARIANTS["sweeps"], 12, first=30_000)
+    swept = coverage.measure(coverage.VARIANTS["sweeps"], 12, first=30_000)
     assert swept.ours["level Ts"].mean() >= 85 and swept.ours["curves Ts"].mean() >= 85
     assert swept.widths["curves Ts"] > 2 * 2.3
 
 
-@pytest.mark.slow
-def test_one_run_a_level_gives_the_curve(sets: Any) -> None:
-    single = sets.measure(sets.VARIANTS["single"], 12, first=20_000)
+def test_one_run_a_level_gives_the_curve() -> None:
+    single = coverage.measure(coverage.VARIANTS["single"], 12, first=20_000)
     for name in ("Ts", "tau1", "tau2"):
         assert np.nanmean(single.ours[f"curves {name}"]) >= 85  # NaN: a level whose τ2 hardly any set tells
     assert single.textbook["level Ts"].mean() < 50

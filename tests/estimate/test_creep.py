@@ -1,6 +1,7 @@
-"""A C of the runs' own, and an output that creeps at one rate beside its response: told apart, and both found."""
+"""A C of the runs' own, an output that creeps at one rate beside its response, a response that fades: told apart."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,26 +11,24 @@ import eaid
 from benchmarks.coverage import VARIANTS, one_set
 
 LEVELS = (2.0, 4.0, 6.0, 8.0, 10.0)
-IDLE_S, HOLD_S = 2.0, 15.0
 
 
 def logs(
-    C: float, creep: float, while_idle: bool = True, seed: int = 0, repeats: int = 3, idle_s: float = IDLE_S
-) -> list[pd.DataFrame]:
-    """T_s = 0.2 u + 0.03 u², τ 0.3 and 5 s; gains that scatter by 4 % and τ by 2 %, noise of 0.02 N; creep in N/s."""
+    C: float, creep: float = 0.0, while_idle: bool = True, seed: int = 0, repeats: int = 3, idle_s: float = 2.0,
+    fade: float = 0.0, hold_s: float = 15.0, names: tuple[str, str] = ("input_V", "output_N"),
+) -> list[pd.DataFrame]:  # fmt: skip
+    """T_s = 0.2 u + 0.03 u², τ 0.3 and 5 s; gains that scatter by 4 % and τ by 2 %, noise of 0.02 N; creep in N/s, a
+    fade in parts of the response a second."""
     random, found = np.random.default_rng(seed), []
-    t = np.arange(0.0, idle_s + HOLD_S, 0.02)
+    t = np.arange(0.0, idle_s + hold_s, 0.02)
     s = np.maximum(t - idle_s, 0.0)
     for u in LEVELS if repeats > 1 else np.linspace(1.0, 10.0, 10):
         for _ in range(repeats):
             tau = np.array([0.3, 5.0]) * (1 + 0.02 * random.normal())
-            y = (
-                (0.2 * u + 0.03 * u * u)
-                * (1 + 0.04 * random.normal())
-                * -(C * np.expm1(-s / tau[0]) + (1 - C) * np.expm1(-s / tau[1]))
-            )
+            size = (0.2 * u + 0.03 * u * u) * (1 + 0.04 * random.normal()) * (1 - fade * s)
+            y = size * -(C * np.expm1(-s / tau[0]) + (1 - C) * np.expm1(-s / tau[1]))
             y += creep * (t if while_idle else s) + 0.02 * random.normal(size=len(t))
-            found.append(pd.DataFrame({"time_s": t, "input_V": np.where(t >= idle_s, u, 0.0), "output_N": y}))
+            found.append(pd.DataFrame({"time_s": t, names[0]: np.where(t >= idle_s, u, 0.0), names[1]: y}))
     return found
 
 
@@ -74,7 +73,7 @@ def test_what_is_there_is_found_and_no_more(C: float, creep: float, tmp_path: Pa
     if creep:
         assert codes["creep-taken-off"]["low"] < creep < codes["creep-taken-off"]["high"]
         assert fit.residuals.std() == pytest.approx(fit.rmse, rel=0.02)  # neither has the creep
-        assert played(fit) == pytest.approx(played(eaid.fit(logs(C, 0.0))), abs=0.1)
+        assert played(fit) == pytest.approx(played(eaid.fit(logs(C), ci="none")), abs=0.1)
         again = eaid.simulate(fit, log=tmp_path)
         assert [one.metrics.fit_pct for one in again.records.values()] == played(fit)
         assert "log-without-creep" in {one.code for one in again.findings}
@@ -83,11 +82,13 @@ def test_what_is_there_is_found_and_no_more(C: float, creep: float, tmp_path: Pa
 
 
 def test_what_does_not_idle_so_is_no_creep() -> None:
-    assert "creep-taken-off" not in {one.code for one in eaid.fit(logs(0.85, 0.006, while_idle=False)).findings}
+    assert "creep-taken-off" not in {
+        one.code for one in eaid.fit(logs(0.85, 0.006, while_idle=False), ci="none").findings
+    }
 
 
 def test_a_share_that_somebody_holds_is_held() -> None:
-    fit = eaid.fit(logs(0.75, 0.0), share=0.8)
+    fit = eaid.fit(logs(0.75), share=0.8)
     assert fit.plant.C == 0.8 and "runs-reject-the-share" in {one.code for one in fit.findings}
 
 
@@ -104,7 +105,7 @@ def test_values_do_not_go_with_the_intervals_that_are_asked_for() -> None:
 )
 def test_single_runs_tell_a_creep_by_their_levels(C: float, creep: float) -> None:
     """3 % of the highest output in a hold made τ1 of the lowest level half as long again, and T_s a sixth too large."""
-    fit = eaid.fit(logs(C, creep, repeats=1))
+    fit = eaid.fit(logs(C, creep, repeats=1), ci="none")
     told = {one.code: one.values for one in fit.findings}
     assert ("creep-taken-off" in told) == bool(creep)
     if creep:
@@ -119,3 +120,39 @@ def test_another_c_is_no_creep_where_the_idle_time_is_too_short_to_tell(seed: in
     fit = eaid.fit(one_set(seed, VARIANTS["share"]))
     codes = {one.code for one in fit.findings}
     assert "share-by-evidence" in codes and "creep-taken-off" not in codes
+
+
+def faded(fade: float, C: float = 0.85, **more: Any) -> list[pd.DataFrame]:
+    """Logs that are held twice as long."""
+    return logs(C, seed=1, fade=fade, hold_s=30.0, **more)
+
+
+def test_a_fade_in_proportion_is_taken_off(tmp_path: Path) -> None:
+    """One of 3 % in 30 s made τ2 a third too short, ± 1 %, and C another, "usable"."""
+    for k, log in enumerate(faded(0.001), 10):
+        log.to_csv(tmp_path / f"{k}.csv", index=False)
+    fit = eaid.fit(tmp_path)
+    told = {one.code: one.values for one in fit.findings}
+    assert told["fade-taken-off"]["low"] < 3.0 < told["fade-taken-off"]["high"] < 3.5
+    assert fit.verdict.usable and fit.plant.C == 0.85
+    assert within(fit) >= 13
+    assert fit.at(6.0).loc["tau2", "value"] == pytest.approx(5.0, rel=0.05)
+    assert fit.data.creep is not None and fit.data.creep.in_proportion
+    assert fit.residuals.std() == pytest.approx(fit.rmse, rel=0.02)
+    again = eaid.simulate(fit, log=tmp_path)
+    assert [one.metrics.fit_pct for one in again.records.values()] == played(fit)
+    assert played(fit) == pytest.approx(played(eaid.fit(faded(0.0), ci="none")), abs=0.5)
+
+
+def test_another_share_is_no_fade() -> None:
+    fit = eaid.fit(faded(0.0, C=0.9), ci="none")
+    assert not {"fade-taken-off", "fade-possible"} & {one.code for one in fit.findings}
+    assert pytest.approx(0.9, abs=0.01) == fit.plant.C
+
+
+@pytest.mark.slow
+def test_friction_fades_too() -> None:
+    """A friction rig's levels, each by itself, have no polynomials."""
+    fit = eaid.fit(faded(0.001, names=("normal_force_N", "torque_Nm")), ci="none")
+    assert "fade-taken-off" in {one.code for one in fit.findings}
+    assert fit.at(6.0).loc["tau2", "value"] == pytest.approx(5.0, rel=0.05)

@@ -74,13 +74,13 @@ def test_one_level_is_its_value_and_inputs_have_to_rise() -> None:
 
 
 def test_it_is_refused_where_no_curve_of_levels_is_fitted() -> None:
-    t = np.arange(1000) * 0.02
+    t = np.arange(800) * 0.05
     u = 50 + 40 * np.sin(0.3 * t) * np.sin(t)
     log = pd.DataFrame({"time_s": t, "duty_pct": u, "torque_Nm": respond(BENT, t, u, t)})
     with pytest.raises(UsageError, match="hold no levels"):
-        eaid.fit(eaid.read(log, logs_as="recorded"), curve="levels")
+        eaid.fit(eaid.read(log, logs_as="recorded"), curve="levels", ci="none", shape="one")
     with pytest.raises(UsageError, match="nonlinear model, which is not fitted"):
-        eaid.fit("datasets/friction-force.h5", curve="levels")
+        eaid.fit("datasets/friction-force.h5", curve="levels", ci="none")
 
 
 @pytest.mark.parametrize(("runs", "options", "said"), [(1, {}, "needs repeats"), (3, {"estimator": "joint"}, "joint")])

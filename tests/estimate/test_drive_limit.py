@@ -58,10 +58,8 @@ def test_its_values_hold_the_truth_where_curves_over_all_levels_miss_it() -> Non
                 low, high = getattr(row.ci95, name)
                 inside.append(low < getattr(true, name) < high)
         for curve in worst:
-            off = [
-                float(fitted(seed, curve=curve).plant.at(u).tau1) / REFERENCE_PLANT.at(min(u, KNEE)).tau1 - 1
-                for u in LEVELS.tolist()
-            ]
+            found = fitted(seed, curve=curve).plant
+            off = [found.at(u).tau1 / REFERENCE_PLANT.at(min(u, KNEE)).tau1 - 1 for u in LEVELS.tolist()]
             worst[curve] = max(worst[curve], *np.abs(off))
     assert np.mean(inside) > 0.88 and worst["auto"] < 0.05 < 0.08 < worst["cubic"]
 

@@ -1,11 +1,11 @@
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 import eaid
+from benchmarks import coverage
 from eaid.apparatus import Apparatus
 from eaid.estimate.draw import draw
 from eaid.findings import say
@@ -14,11 +14,12 @@ from eaid.plant.steps import step_response, step_slopes
 from eaid.steps.stepset import Level, StepSet
 
 from ..conftest import codes
+from .made import steps_of
 
 
 @pytest.fixture(scope="module")
-def made(sets: Any) -> StepSet:
-    found: StepSet = sets.one_set(7, sets.VARIANTS["base"], samples=800)
+def made() -> StepSet:
+    found: StepSet = coverage.one_set(7, coverage.VARIANTS["base"], samples=800)
     return found
 
 
@@ -67,10 +68,10 @@ def test_plants_are_drawn_from_what_is_kept(body: eaid.Fit) -> None:
     assert high == pytest.approx(row.ci95.Ts[1], rel=0.01)
 
 
-def test_the_joint_fit_is_not_believed_where_scatter_leads_it_astray(sets: Any) -> None:
+def test_the_joint_fit_is_not_believed_where_scatter_leads_it_astray() -> None:
     """In this set the joint fit's τ2 runs away; the plant has 4.8 s at 10 %."""
     for seed in range(30):
-        found = sets.one_set(seed, sets.VARIANTS["base"], samples=400)
+        found = coverage.one_set(seed, coverage.VARIANTS["base"], samples=400)
         auto = eaid.fit(found)
         if "tau2" in {one.values["parameter"] for one in auto.findings if one.code == "joint-fit-parts"}:
             break
@@ -84,12 +85,12 @@ def test_the_joint_fit_is_not_believed_where_scatter_leads_it_astray(sets: Any) 
     assert joint.nonlinear.rmse < auto.nonlinear.rmse  # the joint fit has the least squares, not the best curves
 
 
-def test_no_level_loses_its_steady_torque_where_the_record_leaves_tau2_open(sets: Any) -> None:
+def test_no_level_loses_its_steady_torque_where_the_record_leaves_tau2_open() -> None:
     """Ten levels × three runs of 8 s for a τ2 of 5 to 17 s: every T_s is quoted, and right."""
-    base, held = sets.VARIANTS["base"], []
+    base, held = coverage.VARIANTS["base"], []
     for seed in range(3):
-        for row in eaid.fit(sets.one_set(seed, base, samples=800, record_s=8.0)).nonlinear.curves:
-            Ts = sets.plant(row.level, base).Ts
+        for row in eaid.fit(coverage.one_set(seed, base, samples=800, record_s=8.0)).nonlinear.curves:
+            Ts = coverage.plant(row.level, base).Ts
             assert row.Ts == pytest.approx(Ts, rel=0.12)
             held.append(row.ci95.Ts[0] <= Ts <= row.ci95.Ts[1])
     assert np.mean(held) >= 0.85
@@ -130,25 +131,17 @@ def test_none_gives_no_intervals_but_keeps_the_words(made: StepSet) -> None:
     assert found.nonlinear.ci95 is None and found.linear.ci95 is None
 
 
-def steps(curves: list[Step], record_s: float, sd: float, runs: int = 1, gain: float = 0.0, seed: int = 0) -> StepSet:
-    random = np.random.default_rng(seed)
-    t = np.arange(int(record_s * 100)) * 0.01
-    levels = []
-    for i, curve in enumerate(curves):
-        clean = step_response(curve, t)
-        made = clean * (1 + gain * random.standard_normal((runs, 1))) + sd * random.standard_normal((runs, len(t)))
-        levels.append(Level(10.0 * (i + 1), t, made, tuple(f"r{r}" for r in range(runs))))
-    return StepSet("clutch", "%", "N·m", Apparatus(), tuple(levels))
+def steps(curves: list[Step], record_s: float, sd: float, runs: int = 1, gain: float = 0.0) -> StepSet:
+    """At 10, 20 … %."""
+    t, levels = np.arange(int(record_s * 100)) * 0.01, 10.0 * np.arange(1, len(curves) + 1)
+    return steps_of(levels, lambda u: step_response(curves[round(u / 10) - 1], t), t, runs, gain, sd)
 
 
 def test_a_short_record_leaves_tau2_open() -> None:
     short = steps([Step(1.0 + i, 0.2, 12.0) for i in range(5)], record_s=2.0, sd=0.02, runs=3, gain=0.01)
     sure = eaid.fit(short)
-    (reason,) = [
-        one
-        for one in sure.findings
-        if one.code == "parameter-unknown-at-half-the-levels" and one.values["parameter"] == "tau2"
-    ]
+    unknown = [one for one in sure.findings if one.code == "parameter-unknown-at-half-the-levels"]
+    (reason,) = [one for one in unknown if one.values["parameter"] == "tau2"]
     assert reason.values["cause"] == "short-record" and reason.values["record_s"] == pytest.approx(1.99)
     left = [one for one in sure.findings if one.code == "tau2-open"]
     assert left and all(one.values["curve_half_width"] < 1 for one in left) and (10.0,) in [one.levels for one in left]
@@ -179,14 +172,6 @@ def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
     assert len(one.levels) == 4
 
 
-def test_overshoot_under_hold_is_named() -> None:
-    made = steps([Step(1.0 + i, 0.1, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
-    bent = tuple(replace(one, runs=one.runs * (0.8 + 0.2 * np.exp(-one.time_s / 1.5))) for one in made.levels)
-    sure = eaid.fit(replace(made, levels=bent), model=("friction",))
-    (one,) = [one for one in sure.findings if one.code == "output-decays-under-hold"]
-    assert len(one.levels) == 4 == one.values["of"] and one.severity == "caution"
-
-
 def test_a_free_share_is_told_to_trade_against_tau2() -> None:
     short = steps([Step(1.0 + i, 0.2, 6.0) for i in range(4)], record_s=3.0, sd=0.02, runs=3)
     sure = eaid.fit(short, share="free", model=("friction",))
@@ -207,7 +192,7 @@ def test_what_another_share_would_change_is_told() -> None:
 
 def test_single_runs_say_what_they_rest_on() -> None:
     few = steps([Step(1.0 + i, 0.2, 3.0) for i in range(3)], record_s=20.0, sd=0.01)
-    sure = eaid.fit(few)
+    sure = eaid.fit(few, model=("friction",))
     assert sure.uncertainty.scatter_from == "within" and "single-runs-few-levels" in codes(sure)
     many = steps([Step(1.0 + i, 0.2, 3.0) for i in range(9)], record_s=20.0, sd=0.01)
     assert eaid.fit(many).uncertainty.scatter_from == "curve"
@@ -228,13 +213,10 @@ def test_single_runs_are_known_as_well_in_another_unit_of_time(pace: float) -> N
 
 def test_where_there_is_no_slow_part_its_time_constant_has_no_interval() -> None:
     """One exponential behind a dead time: the joint fit's τ2 may end anywhere beyond the record, and 15 % of T_s."""
-    random, t = np.random.default_rng(0), np.arange(0.0, 15.0, 0.02)
+    t = np.arange(0.0, 15.0, 0.02)
     late = np.where(t > 0.15, 1 - np.exp(-(t - 0.15) / 0.8), 0.0)
-    levels = [Level(u, t, (0.6 * u * late + random.normal(0, 0.01, t.size))[None], (f"{u:g}",)) for u in (2, 4, 6, 8)]
-    found = eaid.fit(StepSet("clutch", "V", "bar", Apparatus(), tuple(levels)))
+    found = eaid.fit(steps_of((2, 4, 6, 8), lambda u: 0.6 * u * late, t, noise=0.01, units=("V", "bar")))
     assert found.plant.kind == "lag" and found.dead_time_s == pytest.approx(0.15, abs=0.005)
-    assert found.plant.steady(4.0) == pytest.approx(2.4, rel=0.01) and found.plant.tau1[0] == pytest.approx(
-        0.8, rel=0.01
-    )
+    assert (found.plant.steady(4.0), found.plant.tau1[0]) == pytest.approx((2.4, 0.8), rel=0.01)
     for row in found.friction.levels:
         assert row.ci95.tau2 is None and row.Ts == pytest.approx(0.6 * row.level, rel=1e-3)

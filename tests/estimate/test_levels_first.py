@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from benchmarks import coverage
 from eaid.estimate.data import data_of
 from eaid.levels.certainty import Estimate, estimate_levels_first
 from eaid.levels.each_level import own_levels
@@ -17,8 +18,8 @@ from eaid.steps.stepset import Level
 
 
 @pytest.fixture(scope="module")
-def levels(sets: Any) -> Any:
-    return sets.one_set(11, sets.VARIANTS["base"], samples=600).levels
+def levels() -> Any:
+    return coverage.one_set(11, coverage.VARIANTS["base"], samples=600).levels
 
 
 def curves(x: np.ndarray, u: np.ndarray, t: np.ndarray) -> np.ndarray:
@@ -74,7 +75,7 @@ def test_a_run_moves_it_as_its_influence_says(levels: Any) -> None:
     assert (now - value).ravel() == pytest.approx(predicted, rel=0.15, abs=0.03 * np.abs(predicted).max())
 
 
-def test_a_level_that_does_not_move_and_one_of_zeros_have_no_say(levels: Any, sets: Any) -> None:
+def test_a_level_that_does_not_move_and_one_of_zeros_have_no_say(levels: Any) -> None:
     random = np.random.default_rng(0)
     flat = replace(levels[0], level=5.0, runs=0.01 * random.standard_normal(levels[0].runs.shape))
     zeros = replace(levels[0], level=2.0, runs=0.0 * levels[0].runs)

@@ -1,10 +1,6 @@
 """Steps between levels: every shape returns, the evidence chooses, dead times, quality by hand, real rigs."""
 
-import json
 import math
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -100,18 +96,6 @@ def test_the_last_digits_of_the_samples_decide_nothing() -> None:
         # a shape leaves no more than a simpler one that it contains: worse by the price of one unknown at most
         for simple, wider in (("one", "two"), ("two", "free"), ("one", "one+dead"), ("overshoot", "overshoot+dead")):
             assert simple not in row or row[wider] < row[simple] + 2.1
-
-
-@pytest.mark.slow
-def test_another_processor_gives_the_same_shapes() -> None:
-    """NumPy without its fast instructions, OpenBLAS as on an old processor."""
-    old = {"NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX2 FMA3 AVX512F", "OPENBLAS_CORETYPE": "Nehalem"}
-    code = "import json; from tests.estimate.test_step_shapes import answers; print(json.dumps(answers()))"
-    there = {**os.environ, **old, "PYTHONWARNINGS": "ignore"}
-    done = subprocess.run([sys.executable, "-c", code], cwd=Path(__file__).parents[2], env=there, capture_output=True)
-    found = json.loads(done.stdout)
-    for name, row in answers().items():
-        assert found[name] == pytest.approx(row, rel=1e-8, abs=1e-6)
 
 
 def test_quality_by_hand() -> None:

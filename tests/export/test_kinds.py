@@ -9,12 +9,11 @@ import pytest
 
 import eaid
 from eaid.plant.dynamics import Plant
-from eaid.plant.operating import around
 from eaid.plant.respond import respond
 from eaid.results.codec import to_plain
 from eaid.results.plant import FittedPlant
 
-from .conftest import COMPILERS, STRICT, compiled, fit_of, laws_of, ran
+from .conftest import COMPILERS, STRICT, compiled, fit_of, ran
 
 DT = 0.01
 LAG = Plant((0.3,), (0.3,), (0.0, 0.02), (5.0, 100.0), C=1.0)
@@ -74,21 +73,6 @@ def test_the_c_answers_as_the_replay_does_and_gives_its_vectors_back_to_the_bit(
     said = ran("./drive", cwd=folder, input="\n".join(map(repr, inputs.tolist()))).stdout
     given, t = np.array([0.0, *map(float, said.split())]), np.arange(len(inputs) + 1) * DT
     assert np.abs(given - respond(plant, t[:-1], inputs, t)).max() < 1e-9 * np.abs(given).max()
-
-
-@pytest.mark.parametrize("name", ["lag, both signs", "series", "ringing", "ringing, with a zero, late"])
-def test_python_control_discretises_the_same_plant(name):
-    """At fiftieths of a sample, of which the dead times are whole numbers."""
-    import control
-
-    plant, parts = KINDS[name], 50
-    made = laws_of(None, fit_with(plant), rate_hz=1 / DT, law=("plant",))
-    exported, inputs = made.law.Plant(made.constants["plant"]), inputs_of(plant)
-    given = [exported.step(u) for u in inputs.tolist()]
-    lags = control.c2d(plant.to_control(50.0), DT / parts) / around(plant, 50.0).gain
-    late = np.concatenate([np.zeros(round(plant.dead_time_s / DT * parts)), np.repeat(plant.steady(inputs), parts)])
-    expected = control.forced_response(lags, inputs=late).outputs[parts : len(given) * parts : parts]
-    assert np.abs(np.array(given)[: len(expected)] - expected).max() < 1e-9 * np.abs(expected).max()
 
 
 @pytest.mark.skipif(not shutil.which("octave"), reason="no Octave")

@@ -4,6 +4,7 @@ On NaN, a jump, a takeover a user gets what the export's README.md says.
 """
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -127,16 +128,12 @@ def test_the_filtered_slope_of_a_jump_and_of_a_sine_are_those_that_the_readme_te
 def test_the_filtered_slope_serves_the_robust_controller_as_well_as_the_replays_central_differences(laws):
     """docs/export.md: largest error on the multisine, after 5 s."""
     made = laws()
-    plant = SimpleNamespace(
-        **{**vars(made.constants["plant"]), "release1": 0.0, "release2": 0.0}
-    )  # the reference plant
+    plant = SimpleNamespace(**vars(made.constants["plant"]) | {"release1": 0.0, "release2": 0.0})
     run = replayed("rc", "multisine", fit_of(release=None), gains_of())
     filter_ = made.law.Rate(made.constants["rate"])
     filtered = [filter_.step(wanted) for wanted in run.reference]
     none = [0.0] * len(run.rate)
     assert np.abs(run.reference - run.torque)[5000:].max() == pytest.approx(0.1157, rel=0.01)
     for rate, expected in ((filtered, 0.1112), (none, 0.2332)):
-        torque = np.array(list(made.closed_loop(type(run)("rc", run.reference, rate, run.torque, run.duty), plant)))[
-            :, 1
-        ]
+        _, torque = np.array(list(made.closed_loop(replace(run, rate=rate), plant))).T
         assert np.abs(run.reference - torque)[5000:].max() == pytest.approx(expected, rel=0.01)

@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 
 import eaid
+from benchmarks.coverage import VARIANTS, one_set
 from eaid.estimate.scatter import ASSUMED
 from eaid.planning.widths import Widths, enlarged, fitted_rig
-from tests.estimate.conftest import sets
-
-__all__ = ["sets"]
 
 
 @dataclass(frozen=True)
@@ -48,9 +46,8 @@ def test_a_plan_is_not_taken_for_its_luck() -> None:
 
 
 @pytest.fixture(scope="module")
-def fitted(sets: Any) -> Any:
-    made = sets.one_set(7, sets.VARIANTS["base"])
-    return eaid.fit(made)
+def fitted() -> Any:
+    return eaid.fit(one_set(7, VARIANTS["base"]))
 
 
 def test_rigs_scatter_as_the_fit_is_sure(fitted: Any) -> None:

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from eaid.plant import derivatives as kernel
 from eaid.plant.drive import Drive, Tables, delayed
-from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step, plant_numbers, plant_step, plant_terms, swing
+from eaid.plant.dynamics import REFERENCE_PLANT, Plant, Step, plant_numbers, plant_terms, swing
 from eaid.plant.operating import around
 from eaid.plant.respond import respond, unit_step
 from eaid.plant.steps import step_response
@@ -23,68 +23,12 @@ def plant(**of: float) -> Plant:
     return Plant((tau1,), (tau2,), (0.0, 1.0), (0.0, 1.0), floor_s=0.0, **of)  # type: ignore[arg-type]
 
 
-SQUARE = np.array([0.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-GRID = np.arange(8.0)
-
-
-@pytest.mark.parametrize(
-    ("one", "at", "expected"),
-    [
-        (plant(), 1.0, 0.752590474),
-        (plant(tau1=1.0, zeta=1.25, C=1.0), 1.0, 0.236404215),  # τ 0.5 and 2: ω = 1, ζ = 1.25
-        (plant(tau1=0.25, zeta=0.3), 1.0, 1.294430843),
-        (plant(tau1=0.2, tau2=1.0, C=1.6), 0.647566791, 1.251192433),
-        (plant(tau1=0.1, C=1.0, dead_time_s=0.037), 0.04, 0.029554466),
-    ],
-)
-def test_responses_worked_by_hand(one: Plant, at: float, expected: float) -> None:
-    assert respond(one, [-1.0, 0.0], [0.0, 1.0], np.array([0.0, at]))[1] == pytest.approx(expected, abs=1e-9)
-
-
-def test_the_tail_of_a_step_is_carried() -> None:
-    found = respond(plant(), [0.0, 1.0], [1.0, 0.4], np.array([0.0, 2.0]))
-    assert found[1] == pytest.approx(0.416057305, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("one", "expected"),
-    [
-        (
-            plant(tau1=2.0, C=1.0, dead_time_s=0.5),
-            [0, 0, 0.22119922, 0.52763345, 0.7134952, 0.60502684, 0.36696733, 0.22257694],
-        ),
-        (
-            plant(tau1=1.0, zeta=0.5, dead_time_s=0.25),
-            [0, 0, 0.21267012, 0.73667118, 1.08269417, 0.94919191, 0.36011359, -0.0661774],
-        ),
-    ],
-)  # fmt: skip
-def test_dead_times_between_samples(one: Plant, expected: list[float]) -> None:
-    np.testing.assert_allclose(respond(one, GRID, SQUARE, GRID), expected, atol=2e-8)
-
-
-def test_two_with_a_zero_are_two_in_parallel() -> None:
-    with_zero = plant(tau1=2.0, zeta=1.25, zero=1.25)
-    parallel = plant(tau1=1.0, tau2=4.0, C=0.5)  # C = (z/ω − τ1)/(τ2 − τ1)
-    both = [respond(one, GRID, SQUARE, GRID) for one in (with_zero, parallel)]
-    assert both[0][2] == pytest.approx(0.42665989, abs=1e-8)
-    np.testing.assert_allclose(*both, atol=1e-14)
-
-
 @pytest.mark.parametrize("zeta", [0.0, 0.3, 1.0, 1 + 1e-9, 1.7, 400.0])
 @pytest.mark.parametrize("s", [1e-6, 0.03, 2.0, 60.0])
 def test_one_closed_form_for_all_roots(zeta: float, s: float) -> None:
     c, n = swing(zeta, s)
     flow = np.array([[c + zeta * n, n], [-n, c - zeta * n]])
     np.testing.assert_allclose(flow, expm(s * np.array([[0.0, 1.0], [-1.0, -2 * zeta]])), rtol=1e-10, atol=1e-13)
-
-
-def test_a_step_of_any_length_is_two_of_its_parts() -> None:
-    for one in (REFERENCE_PLANT, plant(tau1=0.3, zeta=0.4, zero=0.2), plant(tau1=0.3, tau2=2.0, C=1.4)):
-        numbers = plant_numbers(one)
-        whole = plant_step(numbers, 0.1, 0.3, 0.6, 0.7)
-        half = plant_step(numbers, *plant_step(numbers, 0.1, 0.3, 0.6, 0.4), 0.6, 0.3)
-        assert whole == pytest.approx(half, rel=1e-12)
 
 
 def test_signed_inputs_have_a_form_on_each_side() -> None:

@@ -38,7 +38,7 @@ def friction(u: np.ndarray) -> np.ndarray:
 )
 def test_what_is_left_is_told_where_it_follows_the_input(rig, memory: float, told: str | None) -> None:
     random = np.random.default_rng(5)
-    u = np.repeat(random.choice((-3.0, -1.5, 0.0, 1.5, 3.0), len(T) // 75 + 1), 75)[: len(T)]
+    u = random_steps(5, (-3.0, -1.5, 0.0, 1.5, 3.0))
     noise = lfilter([1.0], [1.0, -memory], 0.1 * random.normal(size=len(T)))
     log = pd.DataFrame({"time_s": T, "input_V": u, "speed_rpm": lagged(rig(u)) + noise})
     fit = eaid.fit(eaid.read(log, columns={"input": "input_V", "output": "speed_rpm"}), **PLAIN)
@@ -47,7 +47,7 @@ def test_what_is_left_is_told_where_it_follows_the_input(rig, memory: float, tol
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("filtered", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("filtered", [True, False])
 def test_a_filter_of_the_output_is_told_where_it_is_more_than_a_dead_time(filtered: bool) -> None:
     """A Butterworth of 1 Hz: τ1 was 12 to 14 % and τ2 15 to 47 % off at all of 55 inputs, in silence."""
     draw, t, x, y = np.random.default_rng(3), np.arange(0.0, 120.0, 0.01), np.zeros(2), []
@@ -62,12 +62,10 @@ def test_a_filter_of_the_output_is_told_where_it_is_more_than_a_dead_time(filter
 
 
 def test_a_dead_zone_is_no_reason_to_refuse_a_plant() -> None:
-    random = np.random.default_rng(1)
-    u = np.repeat(random.choice((0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0), len(T) // 75 + 1), 75)[: len(T)]
+    random, u = np.random.default_rng(1), random_steps(1, (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     y = lagged(np.maximum(u - 1.0, 0.0), 100.0, 0.25) + 3 * random.normal(size=len(T))
-    fit = eaid.fit(
-        eaid.read(pd.DataFrame({"time_s": T, "pwm_V": u, "speed_rpm": y}), columns={"output": "speed_rpm"}), **PLAIN
-    )
+    log = pd.DataFrame({"time_s": T, "pwm_V": u, "speed_rpm": y})
+    fit = eaid.fit(eaid.read(log, columns={"output": "speed_rpm"}), **PLAIN)
     assert fit.verdict.usable and fit.plant.steady(5.0) == pytest.approx(400.0, rel=0.03)
     assert 0 <= fit.plant.steady(1.0) < 10
 

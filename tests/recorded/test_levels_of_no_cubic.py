@@ -17,7 +17,6 @@ TAU1, TAU2, C, DT_S = 0.4, 5.0, 0.85, 0.05
 FORMS: dict[str, Callable[[float], float]] = {
     "threshold": lambda u: 0.03 * max(u - 25.0, 0.0),
     "kink": lambda u: 0.01 * u if u < 50 else 0.5 + 0.05 * (u - 50),
-    "cubic": lambda u: 0.02 * u + 1e-4 * u**2 - 1e-6 * u**3,
 }
 
 
@@ -36,7 +35,8 @@ def log(form: str) -> pd.DataFrame:
 @made_once
 def fitted(form: str, curve: str) -> Fit:
     """A fit of such a log."""
-    return eaid.fit(eaid.read(log(form), logs_as="recorded"), model=("friction", "nonlinear"), curve=curve)
+    models = ("friction", "nonlinear")
+    return eaid.fit(eaid.read(log(form), logs_as="recorded"), model=models, curve=curve, shape="one")
 
 
 @pytest.mark.parametrize("form", ["threshold", pytest.param("kink", marks=pytest.mark.slow)])
@@ -60,13 +60,6 @@ def test_levels_at_rest_stay_at_rest_and_stop_no_fit() -> None:
         rows = {row.level: row for row in fitted("threshold", curve).friction_levels}
         assert rows[20.0].Ts < 0.01 and "output-stays-at-rest" in codes(fitted("threshold", curve))
     assert float(fitted("threshold", "auto").plant.steady(20.0)) < 1e-3
-
-
-@pytest.mark.slow
-def test_a_cubic_stays_one() -> None:
-    fit = fitted("cubic", "auto")
-    assert not fit.plant.Ts_through and "levels-scatter" not in codes(fit)
-    assert fit.plant == fitted("cubic", "cubic").plant
 
 
 @pytest.mark.slow

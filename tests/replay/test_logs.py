@@ -1,6 +1,7 @@
 """Recorded runs against the model: a model's own run is explained whole; idle, releases, odd clocks, closed loops."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,9 @@ import pytest
 import eaid
 from eaid.logs.run import Run
 from eaid.replay.simulate import simulate
+
+from ..conftest import PLANT
+from .test_second_way import Plant
 
 DT = 1e-3
 
@@ -21,24 +25,13 @@ def laid(fit, *runs, gains=None, **options):
     return simulate(fit, gains, eaid.SimulateOptions(**options), runs=runs)
 
 
-def at(u):
-    """τ1, τ2 and T_s of the reference plant."""
-    u = max(u, 1e-300)
-    inside = max(u, 10.0)
-    tau1, tau2 = 6.74e-3 + 2.39e-2 * inside - 2.13e-4 * inside**2, 0.93 + 0.41 * inside - 2.64e-3 * inside**2
-    return tau1, tau2, min(u / 10, 1) * (0.032 + 9.2e-3 * inside + 2.1e-4 * inside**2 + 1.32e-6 * inside**3)
-
-
 def driven(time_s, duty, start=(0.0, 0.0), release=None):
-    """Torque of the plant under held duties, by its closed form from row to row."""
-    x, torque = list(start), []
+    """Torque of the reference plant under held duties, by its closed form from row to row."""
+    plant, torque = Plant(SimpleNamespace(**PLANT), release), []
+    plant.x = start
     for u, step in zip(duty, np.append(np.diff(time_s), 0.0), strict=True):
-        torque.append(sum(x))
-        tau1, tau2, steady = at(u)
-        for k, (C, tau) in enumerate(((0.85, tau1), (0.15, tau2))):
-            if release and C * steady < x[k] and u < 10:
-                tau = u / 10 * tau + (1 - u / 10) * release[k]
-            x[k] = C * steady + (x[k] - C * steady) * np.exp(-step / tau)
+        torque.append(sum(plant.x))
+        plant.hold(u, step)
     return np.array(torque)
 
 

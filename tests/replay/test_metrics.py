@@ -8,19 +8,6 @@ import pytest
 from eaid.replay import metrics
 
 
-def test_tracking_by_hand():
-    def tracking(reference, torque, duty, limits=(0.0, 100.0)):
-        columns = {"reference_nm": reference, "torque_nm": torque, "duty_pct": duty}
-        return metrics.tracking_errors({name: np.array(column) for name, column in columns.items()}, limits)
-
-    found = tracking([1.0, 1.0, 1.0, 1.0], [0.0, 1.0, 2.0, 3.0], [0.0, 100.0, 40.0, 30.0])
-    assert (found.max_abs_error_nm, found.rms_error_nm) == (2.0, math.sqrt(6 / 4))
-    assert (found.mean_abs_error_nm, found.saturated_fraction) == (1.0, 0.5)
-    assert found.mean_abs_duty_step_pct == pytest.approx((100 + 60 + 10) / 3)
-    narrow = tracking([1.0] * 3, [1.0] * 3, [5.0, 80.0, 50.0], (5.0, 80.0))
-    assert narrow.saturated_fraction == pytest.approx(2 / 3)
-
-
 @pytest.mark.parametrize(
     ("torque", "top", "dt", "rise", "overshoot", "settling"),
     [
@@ -42,19 +29,6 @@ def test_a_step_by_hand(torque, top, dt, rise, overshoot, settling):
         assert [None if x is None else round(x, 9) for x in told] == [
             None if x is None else round(x, 9) for x in (rise, overshoot, settling)
         ]
-
-
-def test_steps_of_first_and_second_order_by_their_formulas():
-    t, tau, dt = np.arange(4000) * 1e-3, 0.3, 1e-3
-    found = metrics.step(2.0 + (1 - np.exp(-t / tau)), 2.0, 3.0, dt)
-    assert found.rise_time_s == pytest.approx(tau * math.log(9), abs=1e-5) and found.overshoot_pct == 0.0
-    assert found.settling_s == pytest.approx(tau * math.log(50), abs=1.01e-3)
-    zeta, wn, dt = 0.4, 5.0, 1e-4
-    t, wd = np.arange(60_000) * dt, wn * math.sqrt(1 - zeta**2)
-    y = 1 - np.exp(-zeta * wn * t) * (np.cos(wd * t) + zeta * wn / wd * np.sin(wd * t))
-    found = metrics.step(3 * y, 0.0, 3.0, dt)
-    assert found.overshoot_pct == pytest.approx(100 * math.exp(-math.pi * zeta / math.sqrt(1 - zeta**2)), rel=1e-5)
-    assert found.settling_s == pytest.approx(t[np.abs(y - 1) > 0.02][-1], abs=1.1 * dt)
 
 
 @pytest.mark.parametrize("samples", [1000, 1300])

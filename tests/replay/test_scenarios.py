@@ -223,16 +223,11 @@ def test_what_a_replay_stands_on_is_said(played, fit_of, fit, codes):
             "R2": 1.0, "samples": 9}  # fmt: skip
     late = fit_of(steps=[rise])
     run = played(T, 0.01, fit=late, controller=("inverse",))
-    assert (
-        codes(run)["dead-time-replayed"] == {"dead_time_s": 0.02}
-        and not run.records["inverse"].columns["torque_nm"][:3].any()
-    )
+    assert codes(run)["dead-time-replayed"] == {"dead_time_s": 0.02}
+    assert not run.records["inverse"].columns["torque_nm"][:3].any()
     run = played(T, 0.01, fit=late, controller=("inverse",), delay_samples=1)
     assert run.head.rig.delay_samples == 1 and "dead-time-replayed" in codes(run)
-    assert (
-        run.records["inverse"].columns["torque_nm"][3:].any()
-        and not run.records["inverse"].columns["torque_nm"][:4].any()
-    )
+    assert not (torque := run.records["inverse"].columns["torque_nm"])[:4].any() and torque[4:].any()
     assert "nothing-to-replay-on" not in codes(eaid.tune_rc(fit, reference="multisine"))
     assert "nothing-to-replay-on" in codes(eaid.tune_rc(fit_of(nonlinear=None)))
 
@@ -240,13 +235,7 @@ def test_what_a_replay_stands_on_is_said(played, fit_of, fit, codes):
 def test_a_controller_that_cycles_is_told_to_cycle(fit_of, codes):
     """Of one lag without noise the inverse holds its output; on noise it goes from limit to limit, and it was told that
     its errors are the actuator's. Behind a dead time it does so without any, and is refused."""
-    lag = {
-        "C": 1.0,
-        "tau1": [2.0, 0.0, 0.0],
-        "tau2": [2.0, 0.0, 0.0],
-        "Ts": [0.0, 0.05, 0.0, 0.0],
-        "u_range": [1.0, 100.0],
-    }
+    lag = {"C": 1.0, "tau1": [2.0, 0, 0], "tau2": [2.0, 0, 0], "Ts": [0.0, 0.05, 0, 0], "u_range": [1.0, 100.0]}
     t = np.arange(0.0, 5.0, 0.01)
     held = (t, np.full(len(t), 2.0))
     fit = fit_of(nonlinear=lag)

@@ -10,13 +10,7 @@ from eaid.plant.respond import from_rest
 
 LEVELS = (20.0, 40.0, 60.0, 80.0, 100.0)
 TIME = np.arange(0.0, 14.0, 0.02)
-T_S = [
-    (0.175, 0.325, 0.934),
-    (0.111, 0.400, 1.312),
-    (0.120, 0.264, 0.642),
-    (0.095, 0.210, 0.500),
-    (0.150, 0.330, 0.900),
-]
+T_S = (0.175, 0.325, 0.934, 0.111, 0.4, 1.312, 0.12, 0.264, 0.642, 0.095, 0.21, 0.5, 0.15, 0.33, 0.9)
 
 
 def log(level, gain, rng, after_s=2.0):
@@ -74,5 +68,5 @@ def slipping():
 @pytest.fixture
 def table():
     """The check values: five sessions at 150, 200 and 300 V."""
-    rows = [(f"day {s}", u, held[k]) for s, held in enumerate(T_S) for k, u in enumerate((150, 200, 300))]
-    return pd.DataFrame(rows, columns=["session", "level", "value"]).assign(sd_log=0.11 / 5**0.5)
+    days, levels = [f"day {k // 3}" for k in range(15)], (150, 200, 300) * 5
+    return pd.DataFrame({"session": days, "level": levels, "value": T_S, "sd_log": 0.11 / 5**0.5})

@@ -49,6 +49,7 @@ def folder(tmp_path_factory, fits, make):
     for name, frame in make(90, 0.5, 0.1, levels=(40.0,), repeats=1).items():
         frame.round(6).to_csv(where / f"{name}.csv", index=False)
     eaid.tune_rc(fits["s1"]).save(where / "gains.json")
+    eaid.sessions(sorted(where.glob("s?.json"))).save(where / "rig.json")
     return where
 
 
@@ -106,7 +107,6 @@ def test_levels_of_a_real_clutch_from_three_sittings_are_told_apart_and_no_refer
 
 
 def test_a_page_begins_with_the_verdict_and_shows_the_sessions(folder, run_eaid):
-    run_eaid("sessions", *(f"s{k}.json" for k in range(6)), "-o", "rig.json", "--force")
     told = run_eaid("compare", "s0.json", "s1.json", "--force")
     (retune,) = [line.removeprefix("retune  ") for line in told.out.splitlines() if line.startswith("retune")]
     for file, said, figure in (("rig.json", "6 sessions: the next one", "sessions_chart"),
@@ -186,7 +186,6 @@ def test_a_long_pause_of_the_stamps_tells_sittings_apart(make):
 
 def test_a_folder_is_followed_step_by_step_and_then_fitted(folder, run_eaid, make, tmp_path, monkeypatch):
     monkeypatch.setattr(follow, "LOOK_S", 0.1)
-    run_eaid("sessions", *(f"s{k}.json" for k in range(6)), "-o", str(tmp_path / "rig.json"))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "plan.csv").write_text("order,level,repeat,idle_s,hold_s,release_s\n1,60,1,5,66,5\n2,87,1,5,66,5\n")
     (tmp_path / "live").mkdir()
@@ -201,7 +200,9 @@ def test_a_folder_is_followed_step_by_step_and_then_fitted(folder, run_eaid, mak
 
     recorder = threading.Thread(target=record)
     recorder.start()
-    told = run_eaid("fit", "live", "--follow", "1.5", "--against", "rig.json", "--plan", "plan.csv", "-o", "fit.json")
+    told = run_eaid(
+        "fit", "live", "--follow", "1.5", "--against", folder / "rig.json", "--plan", "plan.csv", "-o", "fit.json"
+    )
     recorder.join()
     lines = [line for line in told.err.splitlines() if line.startswith(("60 %", "next by plan"))]
     assert len(lines) == 4, told.err
@@ -236,50 +237,46 @@ def test_a_log_without_a_step_from_rest_gets_its_line_too(run_eaid, tmp_path, mo
     (tmp_path / "live").mkdir()
     frame = pd.DataFrame({"time_s": 0.05 * np.arange(500), "duty_pct": held, "torque_nm": output})
     frame.to_csv(tmp_path / "live" / "stairs.csv", index=False)
-    told = run_eaid("fit", "live", "--follow", "0.5", "-o", "fit.json").err
+    told = run_eaid("fit", "live", "--follow", "0.5", "--ci", "none", "--shape", "one", "-o", "fit.json").err
     assert "live/stairs.csv: 25 s, 20 … 60 %," in told and "the fit at the end takes it" in told
+
+
+def read_while(record, folder, monkeypatch, *more):
+    """Name and lines of each file that is whole, of a folder into which another thread writes meanwhile."""
+    monkeypatch.setattr(follow, "LOOK_S", 0.05)
+    recorder = threading.Thread(target=record)
+    recorder.start()
+    told = [(file.name, file.read_text().splitlines()) for file in follow.whole_files([folder], 1.2, *more)]
+    recorder.join()
+    return told
 
 
 def test_a_file_that_is_still_being_written_is_not_read(tmp_path, monkeypatch):
     """One that paused in the middle of a row was told as broken, and one that paused behind a row as a step."""
-    monkeypatch.setattr(follow, "LOOK_S", 0.05)
-    steps, halves, told = tmp_path / "a.csv", tmp_path / "b.csv", list[tuple[str, int]]()
 
     def record():
         for k in range(12):  # a row every 3 looks, but for one pause of 6
-            with steps.open("a") as file:
+            with (tmp_path / "a.csv").open("a") as file:
                 file.write(f"{k},1\n")
             time.sleep(0.3 if k == 6 else 0.15)
-        halves.write_text("0,1\n1,")
+        (tmp_path / "b.csv").write_text("0,1\n1,")
         time.sleep(0.3)
-        halves.write_text("0,1\n1,1\n")
+        (tmp_path / "b.csv").write_text("0,1\n1,1\n")
 
-    recorder = threading.Thread(target=record)
-    recorder.start()
-    for file in follow.whole_files([tmp_path], 1.2):
-        told.append((file.name, len(file.read_text().splitlines()[-1])))
-    recorder.join()
-    assert told[-1] == ("b.csv", 3) and [name for name, _ in told].count("b.csv") == 1
+    told = read_while(record, tmp_path, monkeypatch)
+    assert told[-1] == ("b.csv", ["0,1", "1,1"]) and [name for name, _ in told].count("b.csv") == 1
     assert [name for name, _ in told].count("a.csv") <= 2  # once before its pace is known
 
 
 def test_a_log_that_is_flushed_every_few_seconds_is_read_once_it_is_whole(tmp_path, monkeypatch):
     """Whole rows, then nothing for some seconds: half a step was told, and the next held against it."""
-    monkeypatch.setattr(follow, "LOOK_S", 0.05)
-    live = tmp_path / "live.csv"
-
-    def rows(file):
-        return len(file.read_text().splitlines())
 
     def record():
         time.sleep(0.1)
         for k in range(4):
-            with live.open("a") as file:
+            with (tmp_path / "live.csv").open("a") as file:
                 file.write(f"{k},1\n")
             time.sleep(0.3)
 
-    recorder = threading.Thread(target=record)
-    recorder.start()
-    told = [rows(file) for file in follow.whole_files([tmp_path], 1.2, rows)]
-    recorder.join()
-    assert told == [4]
+    told = read_while(record, tmp_path, monkeypatch, lambda file: len(file.read_text().splitlines()))
+    assert [len(rows) for _, rows in told] == [4]

@@ -8,8 +8,7 @@ from scipy import stats
 
 import eaid
 from eaid.findings import finding
-from eaid.sessions.compare import Shift, _session_covariance, holm
-from eaid.sessions.gather import values_of_fit
+from eaid.sessions.compare import Shift, holm
 
 
 @pytest.fixture(scope="module")
@@ -69,9 +68,7 @@ def test_shift_and_test_of_likeness_are_those_of_scipy(fits):
     weight = 1 / V / (1 / V).sum()
     mean = float(weight @ delta)
     assert shift.ratio == pytest.approx(np.exp(mean))
-    error = np.sqrt(
-        weight @ sum(common(fit, of) for fit, of in zip((a, b), zip(*rows, strict=True), strict=True)) @ weight
-    )
+    error = np.sqrt(weight @ (common(a, [x for x, _ in rows]) + common(b, [y for _, y in rows])) @ weight)
     assert error > 1.05 / np.sqrt((1 / V).sum())  # what all levels owe to the same τ2
     assert 2 * stats.t.sf(abs(mean) / error, shift.dof) <= shift.p * (1 + 1e-9)
     reach = stats.t.ppf(0.975, shift.dof) * error
@@ -92,26 +89,6 @@ def test_of_two_sessions_alike_as_many_differ_as_chance_has_it(make):
     assert not eaid.compare(both[40], both[41]).shifts[0].moved
 
 
-def test_levels_on_one_curve_are_off_together(fits):
-    """Five levels of a quadratic know no more than its three coefficients: their mean is as sure as these leave it."""
-    one = fits["s0"]
-    for name, rank in (("Ts", len(one.data.levels)), ("tau1", min(3, len(one.data.levels)))):
-        values = values_of_fit(one, name, "A")
-        covariance, apart, known = _session_covariance(one, name, values)
-        assert known == rank == np.linalg.matrix_rank(apart, tol=1e-9 * apart.max())
-        for each in (covariance, apart):
-            assert np.sqrt(np.diag(each)) == pytest.approx([one.sd_log for one in values])
-    rng, part, weight = np.random.default_rng(0), one.nonlinear, np.full(len(values), 1 / len(values))
-    at = [k for k, name in enumerate(part.covariance.order) if name.startswith("tau1")]
-    matrix = np.array(part.covariance.matrix)[np.ix_(at, at)]
-    powers = (np.array([each.level for each in values]) / 100)[:, None] ** np.arange(len(at))
-    drawn = np.log(
-        powers
-        @ (np.array(part.tau1) * 100.0 ** np.arange(len(at)) + rng.multivariate_normal(0 * weight[:3], matrix, 4000)).T
-    )
-    assert np.sqrt(weight @ covariance @ weight) == pytest.approx((weight @ drawn).std(), rel=0.1)
-
-
 def test_a_fit_without_intervals_is_named_for_that(before, make):
     """ "Shares no level, record one", of a fit that holds them all."""
     with pytest.raises(eaid.DataError, match="^session B: no level has a T_s with an interval; fit the logs"):
@@ -122,8 +99,7 @@ def test_holms_probabilities_are_those_of_a_textbook():
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
 
 
-def test_gains_are_to_be_made_anew_where_b_leaves_their_range(before, make):
-    gains = eaid.tune_rc(before)
+def test_gains_are_to_be_made_anew_where_b_leaves_their_range(before, gains, make):
     same = eaid.compare(before_again(before), before, gains=gains).retune
     assert same.needed is False and not same.outside
     little = eaid.compare(with_B(before, 0.99), before, gains=gains).retune
@@ -151,9 +127,9 @@ def before_again(fit):
     return msgspec.structs.replace(fit, data=msgspec.structs.replace(fit.data, sources=sources))
 
 
-def test_a_dead_time_is_another_plant_and_loops_that_lack_margins_on_it_are_made_anew(before, make, tmp_path):
+def test_a_dead_time_is_another_plant_and_loops_that_lack_margins_on_it_are_made_anew(before, gains, make, tmp_path):
     """60 ms more: RC was unstable at the highest level, and the answer "no: A's B stays within the range"."""
-    gains, like = eaid.tune_rc(before), eaid.fit(make(36))
+    like = eaid.fit(make(36))
     now = msgspec.structs.replace(like, plant_=msgspec.structs.replace(like.plant_, dead_time_s=0.06))
     found = eaid.compare(now, before, gains=gains)
     assert found.retune.needed and "pi" in found.retune.lacking and "on A's plant the loops lack" in found.summary()
@@ -175,103 +151,97 @@ def test_fits_that_share_no_level_are_refused(before, make):
 
 
 @pytest.fixture(scope="module")
-def loop(before):
-    """The fit, its gains, and how the loop that ran is recorded: on the plant of the fit, or one of half its gain."""
-    gains = eaid.tune_rc(before)
+def gains(before):
+    return eaid.tune_rc(before)
 
-    def recorded(factor):
-        rig = before if factor == 1 else scaled(before, factor)
+
+@pytest.fixture(scope="module")
+def recorded(before, gains):
+    """How the loop that ran is recorded: on the plant of the fit, or one of another size."""
+
+    def recorded(factor=1.0):
+        part = msgspec.structs.replace(before.plant_, Ts=tuple(factor * c for c in before.plant_.Ts))
+        rig = before if factor == 1 else msgspec.structs.replace(before, plant_=part)
         run = eaid.simulate(rig, gains, "multisine", duration=8.0, controller=("pi",), rate_hz=1000.0).records["pi"]
-        noise = 0.03 * np.random.default_rng(1).standard_normal(len(run.columns["time_s"]))
-        return pd.DataFrame({
-            "time_s": run.columns["time_s"], "duty_pct": run.columns["duty_pct"],
-            "torque_nm": run.columns["torque_nm"] + noise, "reference_nm": run.columns["reference_nm"],
-        })  # fmt: skip
+        columns = {name: run.columns[name] for name in COLUMNS}
+        noise = 0.03 * np.random.default_rng(1).standard_normal(len(columns["time_s"]))
+        return pd.DataFrame(columns | {"torque_nm": columns["torque_nm"] + noise})
 
-    return before, gains, recorded
+    return recorded
 
 
-def scaled(fit, factor):
-    plant = msgspec.structs.replace(fit.plant_, Ts=tuple(factor * c for c in fit.plant_.Ts))
-    return msgspec.structs.replace(fit, plant_=plant)
+COLUMNS = ("time_s", "duty_pct", "torque_nm", "reference_nm")
+
+
+@pytest.fixture
+def against(before, gains, tmp_path):
+    """What is said of a log of the loop."""
+
+    def against(log, fit=before, **options):
+        log.to_csv(tmp_path / "loop.csv", index=False)
+        return eaid.compare(fit, tmp_path / "loop.csv", gains=gains, **{"controller": "pi", "plants": 10} | options)
+
+    return against
 
 
 @pytest.mark.parametrize(("factor", "kept"), [(1, True), (0.5, False)])
-def test_a_recorded_loop_is_held_against_its_replay(loop, tmp_path, factor, kept):
-    fit, gains, recorded = loop
-    recorded(factor).to_csv(tmp_path / "loop.csv", index=False)
-    found = eaid.compare(fit, tmp_path / "loop.csv", gains=gains, controller="pi", plants=10)
+def test_a_recorded_loop_is_held_against_its_replay(recorded, against, factor, kept):
+    found = against(recorded(factor))
     assert found.promise.kept is kept, found.summary()
     assert found.promise.noise == pytest.approx(0.03, rel=0.1)
     rms = found.promise.rows[0]
     assert factor < 1 or rms.recorded == pytest.approx(rms.promised, rel=3e-3)  # with the noise that is read
-    assert "better than promised" not in found.summary()
+    assert "better than promised" not in found.summary() and found.promise.others == ()
     assert {one.name for one in found.promise.rows} == {"RMS error", "largest error", "overshoot"}
-    assert found.promise.others == ()
 
 
-def test_a_loop_that_is_not_named_is_told_to_be_taken_for_the_first(loop, tmp_path):
-    fit, gains, recorded = loop
-    recorded(1).to_csv(tmp_path / "loop.csv", index=False)
+def test_a_loop_that_is_not_named_is_told_to_be_taken_for_the_first(gains, recorded, against):
     first, *others = gains.controllers_by_name
-    found = eaid.compare(fit, tmp_path / "loop.csv", gains=gains, plants=10)
+    found = against(recorded(), controller=None)
     assert found.promise.controller == first and "pi" in found.promise.others == tuple(others)
     assert f"taken for the loop of {first}; if it is of {' or '.join(others)}, say controller=" in found.summary()
 
 
-def test_a_rig_whose_output_counts_negative_keeps_its_promise(loop, tmp_path):
+def test_a_rig_whose_output_counts_negative_keeps_its_promise(before, recorded, against):
     """Its replay was of the other sign: 1.2 N·m RMS were promised, and any loop was better."""
-    fit, gains, recorded = loop
-    turned = recorded(1)
+    turned = recorded()
     turned[["torque_nm", "reference_nm"]] *= -1
-    turned.to_csv(tmp_path / "loop.csv", index=False)
-    as_fitted = msgspec.structs.replace(fit, findings=(*fit.findings, finding("signs-turned", "data", runs=3)))
-    found = eaid.compare(as_fitted, tmp_path / "loop.csv", gains=gains, controller="pi", plants=10)
+    as_fitted = msgspec.structs.replace(before, findings=(*before.findings, finding("signs-turned", "data", runs=3)))
+    found = against(turned, as_fitted)
     assert found.promise.kept, found.summary()
     assert found.promise.rows[0].recorded == pytest.approx(found.promise.rows[0].promised, rel=3e-3)
 
 
-def test_a_log_that_begins_while_its_loop_runs_is_refused(loop, tmp_path):
-    fit, gains, recorded = loop
-    recorded(1).iloc[2000:].to_csv(tmp_path / "loop.csv", index=False)
+def test_a_log_that_begins_while_its_loop_runs_or_holds_no_reference_is_refused(recorded, against):
     with pytest.raises(eaid.DataError, match="begins under load, .* give the log from where its loop began"):
-        eaid.compare(fit, tmp_path / "loop.csv", gains=gains, controller="pi")
+        against(recorded().iloc[2000:])
+    with pytest.raises(eaid.DataError, match="holds no reference beside input and output"):
+        against(recorded().drop(columns="reference_nm"))
 
 
-@pytest.mark.parametrize("every", [20, 50, 100])
-def test_steps_of_a_reference_that_is_logged_slowly_stay_steps(before, tmp_path, every):
+@pytest.mark.parametrize("every", [20, 100])
+def test_steps_of_a_reference_that_is_logged_slowly_stay_steps(before, gains, against, every):
     """Replayed as ramps of a row, or held against errors between the rows, a good loop was worse than promised."""
-    gains, t = eaid.tune_rc(before), np.arange(0.0, 12.0, 1e-3)
+    t = np.arange(0.0, 12.0, 1e-3)
     wanted = np.select([t < 1, t < 4, t < 8], [0.0, 1.2, 0.5], 1.6)
     run = eaid.simulate(before, gains, reference=(t, wanted), controller=("pi",), rate_hz=1000.0).records["pi"]
-    columns = {name: run.columns[name][::every] for name in ("time_s", "duty_pct", "torque_nm", "reference_nm")}
-    pd.DataFrame(columns).to_csv(tmp_path / "loop.csv", index=False)
-    found = eaid.compare(before, tmp_path / "loop.csv", gains=gains, controller="pi", plants=10)
+    found = against(pd.DataFrame({name: run.columns[name][::every] for name in COLUMNS}))
     for row in found.promise.rows[:2]:
         assert row.recorded == pytest.approx(row.promised, rel=0.02), found.summary()
 
 
-def test_a_log_without_a_reference_is_refused(loop, tmp_path):
-    fit, gains, recorded = loop
-    recorded(1).drop(columns="reference_nm").to_csv(tmp_path / "loop.csv", index=False)
-    with pytest.raises(eaid.DataError, match="holds no reference beside input and output"):
-        eaid.compare(fit, tmp_path / "loop.csv", gains=gains)
-
-
-def test_a_replay_is_kept_by_its_own_record(loop, tmp_path):
+def test_a_replay_is_kept_by_its_own_record(before, gains, tmp_path):
     """Its errors count from some seconds on, and so do those of the log: the first ones made it MISSED."""
-    fit, gains, _ = loop
-    run = eaid.simulate(fit, gains, "multisine", controller=("pi",), rate_hz=200.0)
+    run = eaid.simulate(before, gains, "multisine", controller=("pi",), rate_hz=200.0)
     run.save(tmp_path / "replay.h5")
-    own, names = run.records["pi"].columns, ("time_s", "duty_pct", "torque_nm", "reference_nm")
-    pd.DataFrame({name: own[name] for name in names}).to_csv(tmp_path / "loop.csv", index=False)
+    pd.DataFrame({name: run.records["pi"].columns[name] for name in COLUMNS}).to_csv(tmp_path / "loop.csv", index=False)
     assert run.head.counted_from_s > 1
     found = eaid.compare(tmp_path / "replay.h5", tmp_path / "loop.csv")
     assert found.promise.kept, found.summary()
     for row in found.promise.rows:
         assert row.recorded == pytest.approx(row.promised, rel=1e-2, abs=1e-2)
     with pytest.raises(eaid.UsageError, match="give the gains that it ran with"):
-        eaid.compare(fit, tmp_path / "loop.csv")
+        eaid.compare(before, tmp_path / "loop.csv")
 
 
 def test_a_session_in_another_unit_is_no_mounting(before, make):
@@ -304,15 +274,14 @@ def test_another_kind_of_plant_is_told(before):
     assert "kind-moved" in {one.code for one in eaid.compare(other, before).findings}
 
 
-def test_a_promise_is_of_one_run(before, loop, tmp_path):
+def test_a_promise_is_of_one_run(before, recorded, against):
     """Runs scatter beside their mean, and so does what a loop on one of them does."""
-    fit, gains, recorded = loop
-    recorded(1).to_csv(tmp_path / "loop.csv", index=False)
+    log, known = recorded(), before.uncertainty
 
     def width(scatter):
-        noise = msgspec.structs.replace(fit.uncertainty.noise, scatter={**fit.uncertainty.noise.scatter, "Ts": scatter})
-        one = msgspec.structs.replace(fit, uncertainty=msgspec.structs.replace(fit.uncertainty, noise=noise))
-        row = eaid.compare(one, tmp_path / "loop.csv", gains=gains, controller="pi", plants=40).promise.rows[0]
+        noise = msgspec.structs.replace(known.noise, scatter={**known.noise.scatter, "Ts": scatter})
+        one = msgspec.structs.replace(before, uncertainty=msgspec.structs.replace(known, noise=noise))
+        row = against(log, one, plants=40).promise.rows[0]
         return row.high - row.low
 
     assert width(0.1) > 2 * width(0.0)

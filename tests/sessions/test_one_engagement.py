@@ -29,7 +29,7 @@ def recording(gain: float, seed: int, level: float | None = None, rig: Any = LAG
 
 @pytest.fixture(scope="module")
 def fits() -> dict[float, Any]:
-    return {gain: eaid.fit(recording(gain, k)) for k, gain in enumerate((1.0, 1.04, 0.8, 4.0))}
+    return {gain: eaid.fit(recording(gain, k), shape="one") for k, gain in enumerate((1.0, 1.04, 0.8, 4.0))}
 
 
 def test_a_gain_that_one_engagement_may_have_by_chance_has_not_moved(fits: dict[float, Any]) -> None:

@@ -140,12 +140,8 @@ def test_two_steps_leave_less_open_than_one(rig, make, today):
 def test_a_step_beyond_what_is_foreseen_and_one_beyond_the_levels_are_said(rig, make):
     for gain, level, code in ((2.5, 60.0, "step-outside"), (0.0, 12.0, "reference-level-outside")):
         odd = eaid.today(rig, eaid.read(make(72, gain, levels=(level,), repeats=1)))
-        assert code in {one.code for one in odd.findings}
-
-
-def test_gains_say_again_that_the_step_is_none_of_the_sessions(rig, make):
-    odd = eaid.today(rig, eaid.read(make(72, 2.5, levels=(60.0,), repeats=1)))
-    assert "step-outside" in {one.code for one in eaid.tune_rc(odd).findings}
+        assert code in codes(odd)
+        assert code != "step-outside" or code in codes(eaid.tune_rc(odd))
 
 
 def test_a_step_whose_slow_part_is_still_to_come_leaves_more_open(rig, make, today):
