@@ -27,7 +27,7 @@ def terminal(monkeypatch):
     return of
 
 
-@pytest.mark.parametrize("width", [40, 60, 80, 120])
+@pytest.mark.parametrize("width", [40, 80])
 def test_nothing_is_broken_mid_word_and_nothing_is_wider_than_the_terminal(width, terminal, capsys):
     terminal(width)
     title = "A title of some words, which is longer than forty letters are"
@@ -108,15 +108,10 @@ def test_progress_is_a_bar_on_a_terminal_and_now_and_then_a_line_elsewhere(termi
         assert reading(10) == ""
 
 
-@pytest.mark.parametrize("name", ["ingest", "fit", "tune-rc", "simulate", "couple", "plan"])
-def test_every_table_fits_the_terminal(name, rig, terminal, run_eaid):
+@pytest.mark.parametrize("line", ["ingest logs", "fit data.h5 --ci white -v", "couple fit.json --torque 1 --no-replay"])
+def test_every_table_fits_the_terminal(line, rig, terminal, run_eaid):
     """And holds the words that stand there without a terminal."""
-    more = {
-        "ingest": "logs", "fit": "data.h5 --ci white -v", "tune-rc": "fit.json -v", "plan": "fit.json --no-check",
-        "simulate": "fit.json --gains gains.json --scenario steps --duration 8",
-        "couple": "fit.json --torque 1 --no-replay",
-    }[name]  # fmt: skip
-    words = [name, *more.split(), "--force", "-o", f"o.{'h5' if name in ('ingest', 'simulate') else 'json'}"]
+    words = [*line.split(), "--force", "-o", "o.h5" if "ingest" in line else "o.json"]
     piped = run_eaid(words)
     known = set(f"{piped.out} {piped.err}".split())
     terminal(80)

@@ -47,8 +47,6 @@ def test_options_reach_the_fit(fitted):
     fit = fitted("data.h5 --share free --levels 40:100")
     assert fit["nonlinear"]["C_free"] is True and fit["friction"]["C"] is None and "hold_out" not in fit["nonlinear"]
     assert fit["nonlinear"]["u_range"] == fit["data"]["levels"][::3] == [40.0, 100.0]
-    fit = fitted("data.h5 --estimator joint --model nonlinear")
-    assert {"friction", "linear"} & fit.keys() == set() and fit["nonlinear"]["estimator"] == "joint"
 
 
 def test_reading_options_reach_the_runs(fitted):
