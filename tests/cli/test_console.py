@@ -108,19 +108,6 @@ def test_progress_is_a_bar_on_a_terminal_and_now_and_then_a_line_elsewhere(termi
         assert reading(10) == ""
 
 
-@pytest.mark.parametrize("line", ["ingest logs", "fit data.h5 --ci white -v", "couple fit.json --torque 1 --no-replay"])
-def test_every_table_fits_the_terminal(line, rig, terminal, run_eaid):
-    """And holds the words that stand there without a terminal."""
-    words = [*line.split(), "--force", "-o", "o.h5" if "ingest" in line else "o.json"]
-    piped = run_eaid(words)
-    known = set(f"{piped.out} {piped.err}".split())
-    terminal(80)
-    ran = run_eaid(words)
-    told = ran.out + "".join(line for line in ran.err.splitlines(True) if "\x1b[" not in line)
-    assert [line for line in told.splitlines() if len(line) > 80 + line.count("\u0302")] == []
-    assert ran.code == 0 and set(ran.out.split()) <= known
-
-
 def test_a_letter_with_a_hat_is_as_wide_as_one_without():
     """`B̂ 0.0019, φ 343` was broken in a pipe, where nothing is."""
     assert len(console.aligned([("gains",), ("K_P 74.6, B̂ 0.0019, φ 343",)], [False], None)) == 2

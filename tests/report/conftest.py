@@ -192,7 +192,7 @@ def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     logs = [folder / kind for kind in ("random", "staircase", "chirp", "closed-loop")]
     for seed, log in enumerate(logs):
-        shape = ["--shape", "duration_s=60", "--rate-hz", "100", "--seed", seed]
+        shape = ["--shape", "duration_s=40", "--rate-hz", "50", "--seed", seed]
         assert call("synth", "--excitation", log.name, *shape, "-o", log, "-q") == 0
     assert call("fit", *logs, "-o", folder / "recorded.json", "-q") in (0, 4)
     return folder / "recorded.json"
@@ -226,9 +226,8 @@ def long():
         fit, data, gains, replay = made
         assert call("ingest", logs, "-o", data, "-q") == 0 and call("fit", data, "-o", fit, "-q") in (0, 4)
         assert call("tune-rc", fit, "--anyway", "-o", gains, "-q") == 0
-        assert (
-            call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0
-        )
+        words = ("--scenario", "steps", "--duration", "9", "-o", replay, "-q")
+        assert call("simulate", fit, "--gains", gains, *words) == 0
         yield made
 
 

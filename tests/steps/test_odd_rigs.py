@@ -44,8 +44,6 @@ def named(**columns: str) -> tuple[str, ...]:
 
 T14, T30, HEAT = clock(14), clock(30), clock(900, 1)
 QUICK = clock(12, 500)
-STAIRS = clock(32)
-LEVELS = np.select([STAIRS < 8, STAIRS < 16, STAIRS < 24], [80.0, 50.0, 30.0], 10.0)
 S = np.maximum(T14 - 3, 0)
 RIGHT: dict[str, tuple[Mapping[str, Any], tuple[str, ...], dict[str, float]]] = {
     "a motor whose idle wanders": (
@@ -59,22 +57,13 @@ RIGHT: dict[str, tuple[Mapping[str, Any], tuple[str, ...], dict[str, float]]] = 
     "a heater that is on from the first row": (
         {"Time": HEAT, "Q1": 50 + 0 * HEAT, "T1": np.round(20.6 - 31 * np.expm1(-HEAT / 140), 2)},
         (*named(input="Q1", output="T1"), "--units", "input=%,output=°C"), {"change": 31, "tau1": 140, "start": 20.6}),
-    "a propeller with ripple, in ms": (
-        {"time_ms": 1000 * QUICK, "throttle_pct": on(3, 70, QUICK),
-         "thrust_N": 4.2 * rise(QUICK - 3, 0.15, 0.9) * (1 + 0.05 * np.sin(120 * np.pi * QUICK)) + white(6000, 0.05)},
-        named(input="throttle_pct", output="thrust_N"), {"change": 4.2, "tau1": 0.15}),
     "a trigger, the level in the name run_150V.csv": (
         {"time_s": T, "trigger": on(3, 1, T), "torque_Nm": STEP + white(1200, 0.01)}, ("--name-pattern", "_{level}V"),
         TRUTH | {"level": 150}),
-
     "it begins under load and is let go": (
         {"time_s": T, "duty_pct": 60 - on(5, 60, T), "torque_Nm": 2 - 2 * rise(T - 5, 0.1, 0.8) + white(1200, 0.01)},
         (), {"change": -2.0, "tau1": 0.1}),
-    "an output that is 0.4 s late": (plain(2 * rise(T - 3.4), 0.005), (), TRUTH | {"dead_time_s": 0.4}),
-    "a staircase down": (
-        {"time_s": STAIRS, "duty_pct": LEVELS, "torque_Nm": 3.2 - 1.2 * rise(STAIRS - 8) - 0.8 * rise(STAIRS - 16)
-         - 0.8 * rise(STAIRS - 24) + white(3200, 0.005)},
-        ("--logs-as", "steps"), {"change": -1.2, "tau1": 0.3, "from": 80.0}),
+
     "hum of 50 Hz": (
         {"time_s": QUICK, "duty_pct": on(3, 60, QUICK),
          "torque_Nm": 2 * rise(QUICK - 3) + 0.1 * np.sin(100 * np.pi * QUICK + 0.5) + white(6000, 0.005)}, (), TRUTH),

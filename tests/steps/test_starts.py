@@ -42,6 +42,13 @@ def test_the_value_before_a_step_is_that_of_its_last_rest(idle: str, noise: floa
     assert not [one for one in steps.all_findings if one.severity == "stop"]
 
 
+def test_behind_a_hold_the_last_quarter_and_one_sample_is_the_rest() -> None:
+    frame = log([(0, 3), (30, 4), (0, 8), (60, 4)])
+    frame = plus(frame, np.where((frame.time_s > 7) & (frame.time_s < 12.9), 0.004, 0.0))
+    run = read(frame).runs[2]
+    assert (run.name, run.baseline_nm) == ("a-2", pytest.approx(frame.torque_nm[1299:1500].mean(), abs=1e-12))
+
+
 def test_each_step_has_its_own_rest_and_a_release_that_of_its_rise() -> None:
     frame = log([(0, 3), (30, 4), (0, 9), (60, 4), (0, 9)])
     frame = plus(frame, np.where(frame.time_s > 9, 0.5, 0.0))
