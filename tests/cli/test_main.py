@@ -43,15 +43,12 @@ def test_help_has_the_options_of_all_commands_and_one_example(name, run_eaid):
     [
         (UsageError("a.csv: no step", "b.csv: no torque"), 2, "error: a.csv: no step\nerror: b.csv: no torque\n"),
         (UsageError("x: give «force» or another «pi_gains»"), 2, "error: x: give --force or another --pi-gains\n"),
-        (DataError("a.csv: no step"), 3, "error: a.csv: no step\n"),
-        (GainsError("b0 is 0"), 5, "error: b0 is 0\n"),
+        (DataError("a.csv: no step"), 3, "error: a.csv: no step\n"), (GainsError("b0 is 0"), 5, "error: b0 is 0\n"),
         (KeyboardInterrupt(), 130, "error: interrupted; nothing half-written is left\n"),
         (OSError(28, "No space left on device", "fit.json"), 2, "error: fit.json: No space left on device\n"),
         (OSError("gone"), 2, "error: gone\n"),
-        (
-            ZeroDivisionError("x"), 1,
-            "error: unexpected failure, a bug of eaid (ZeroDivisionError: x); EAID_DEBUG=1 shows where\n",
-        ),
+        (ZeroDivisionError("x"), 1,
+         "error: unexpected failure, a bug of eaid (ZeroDivisionError: x); EAID_DEBUG=1 shows where\n"),
     ],
 )  # fmt: skip
 def test_what_a_failure_looks_like(fault, code, told, run_eaid, monkeypatch):

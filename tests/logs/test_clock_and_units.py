@@ -108,9 +108,9 @@ def test_every_spelling_of_a_unit(read):
     [
         ("torque.mNm", "N·m", 1e-3), ("TorqueMnm", "N·m", 1e-3), ("Torque / Nm", "N·m", 1), ("Force,N", "N", 1),
         ("T1", "", 1), ("Torque (mNm)", "N·m", 1e-3), ("Load Cell (g)", "N", 9.80665e-3), ("levelPct", "%", 1),
-        ("Spannung", "", 1), ("a {V}", "V", 1), ("a [what]", "what", 1), ("a_what", "", 1), ("ratio_1", "", 1),
+        ("a {V}", "V", 1), ("a [what]", "what", 1), ("a_what", "", 1), ("ratio_1", "", 1),
         ("(V)", "", 1), ("temperature_degC", "degC", 1), ("travel_mm", "mm", 1), ("x [bits]", "bits", 1),
-        ("omega in rad/s", "RPM", 30 / np.pi), ("n 1/min", "RPM", 1), ("speed rad/s", "RPM", 30 / np.pi),
+        ("omega in rad/s", "RPM", 30 / np.pi), ("speed rad/s", "RPM", 30 / np.pi),
         ("velocity_mm/s", "mm/s", 1), ("speed in m/min", "m/min", 1), ("a_b/c", "", 1), ("Drehzahl, U/min", "RPM", 1),
         ("forceN", "N", 1), ("levelV", "V", 1), ("planA", "", 1), ("ForceMn", "N", 1e-3), ("dutyCycle", "", 1),
         ("u%", "", 1), ("a b_kV", "V", 1e3), (" x [kPa] ", "bar", 1e-2), ("torqueNcm", "N·m", 1e-2),
