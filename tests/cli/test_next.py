@@ -20,7 +20,7 @@ FIRST = {
     "another share": "fit shares",
 }  # fmt: skip
 """What each chain begins with; everything else is as it was printed."""
-SLOW = ("a staircase", "force", "speed", "odd names", "overshoot", "another share")
+SLOW = ("a staircase", "force", "speed", "odd names", "between levels", "overshoot", "another share")
 FASTER = {"plan": ["--no-check"], "report": ["--figures", "fig07,fig03"]}
 OTHERS = {
     "another clutch": "fit RIGS/clutch --columns 'time=Time,output=\"Load Cell\"' --units time=us,output=N "

@@ -166,7 +166,6 @@ def test_a_full_disk_leaves_the_earlier_output_whole(line, rig, run_eaid, held, 
 
 
 AGAIN = """
-fit data.h5 --model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100 --ci none
 fit logs --share free --ci white --dead-time 0 --logs-as steps --baseline first --estimator joint --seed 3
 tune-rc fit.json --kp 9 --kd 4 --epsilon 0.3 --gamma 60 --q-max 7 --b-hat 15 --rho textbook --pi-gains 30,100 --pwm-hz 0
 couple fit.json --gains gains.json --torque 1,2 --loops pi,rc --no-replay --delay-samples 1 --limb-inertia 0.2
