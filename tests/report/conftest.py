@@ -156,14 +156,11 @@ def files(tmp_path_factory):
     """Name → file: data, fits, gains and replays of small synthetic sets."""
     folder = tmp_path_factory.mktemp("results")
     made = {}
-    sets = {
-        "clutch": ("20,40,60,80,100", "20", "50", "4"),
-        "friction-force": ("17,51,85,119,153,170", "30", "50", "0"),
-        "friction-speed": ("5,10,15,25,40", "30", "50", "0"),
-    }
-    for kind, (levels, hold, rate, release) in sets.items():
+    sets = {"clutch": ("20,40,60,80,100", "20", "4"), "friction-force": ("17,51,85,119,153,170", "30", "0"),
+            "friction-speed": ("5,10,15,25,40", "30", "0")}  # fmt: skip
+    for kind, (levels, hold, release) in sets.items():
         data, fit = folder / f"{kind}.h5", folder / f"{kind}.json"
-        how = ["--levels", levels, "--repeats", "2", "--hold", hold, "--idle", "2", "--rate-hz", rate]
+        how = ["--levels", levels, "--repeats", "2", "--hold", hold, "--idle", "2", "--rate-hz", "50"]
         assert call("synth", "--kind", kind, *how, "--release", release, "-o", data, "-q") == 0
         assert call("fit", data, "-o", fit, "-q") == 0
         made |= {f"{kind}.h5": data, f"{kind}.json": fit}

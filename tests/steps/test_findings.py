@@ -303,9 +303,6 @@ def test_repair_bridges_rows_that_stand_far_out_up_to_one_in_a_hundred(sign: int
     assert "spikes" in told(read(spiked(range(410, 810, 20)), repair=True))  # too many
 
 
-# logs that hold no steps
-
-
 CLOCK = np.arange(8000) / 100
 PHASE = CLOCK % 5
 MOVES: dict[str, Any] = {
@@ -360,9 +357,8 @@ def test_what_rings_has_no_flat_top() -> None:
     """Its first swing is gone from twenty means of a hold, and what it ended at "stopped at full slope"."""
     t = np.arange(0.0, 4.0, 0.002)
     since = np.maximum(t - 1.0, 0.0)
-    torque = 3 * (1 - np.exp(-10 * since) * (np.cos(38.7 * since) + 10 / 38.7 * np.sin(38.7 * since))) + white(
-        len(t), 0.02
-    )
+    rings = 1 - np.exp(-10 * since) * (np.cos(38.7 * since) + 10 / 38.7 * np.sin(38.7 * since))
+    torque = 3 * rings + white(len(t), 0.02)
     log = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 1.0, 0.0, 50.0), "torque_nm": torque})
     assert "flat-topped" not in {one.code for one in eaid.read(log).all_findings}
 

@@ -13,8 +13,6 @@ from .make import INPUTS, log, read
 
 KINDS = [kind for kind in BAD if kind not in ("level-contradicts-input", "shape-explains-little")]
 """Those whose logs say no level of their own, and those that no fit is needed for."""
-
-
 OF_SIZE = ("signs-turned", "torque-too-large")
 """Findings about the sign of the output, and about N·m that no rig has."""
 

@@ -42,6 +42,15 @@ def test_the_value_before_a_step_is_that_of_its_last_rest(idle: str, noise: floa
     assert not [one for one in steps.all_findings if one.severity == "stop"]
 
 
+def test_how_long_a_rest_lasts_and_how_it_moved_is_known_and_a_fall_rests_for_a_twentieth_of_its_hold() -> None:
+    frame = plus(log([(0, 4), (50, 9), (0, 9)]), 2e-3 * (np.arange(2200) > 200) + white(2200, 1e-3))
+    up, down = read(frame).level_steps
+    idle = frame.torque_nm[:400]
+    assert up.rest_s == pytest.approx(4.0) and down.rest_s == pytest.approx(0.45)
+    assert up.start == pytest.approx(idle.mean(), abs=1e-12)
+    assert up.rest_moved == pytest.approx(idle[200:].mean() - idle[:200].mean(), abs=1e-12)
+
+
 def test_behind_a_hold_the_last_quarter_and_one_sample_is_the_rest() -> None:
     frame = log([(0, 3), (30, 4), (0, 8), (60, 4)])
     frame = plus(frame, np.where((frame.time_s > 7) & (frame.time_s < 12.9), 0.004, 0.0))
