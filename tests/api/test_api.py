@@ -139,7 +139,7 @@ def test_steps_that_ask_for_a_dead_time_have_a_plant_with_it():
     for u in LEVELS:
         y = -0.03 * u * np.expm1(-np.maximum(t - 5.5, 0) / 0.4) + 0.003 * random.normal(size=t.size)
         logs[f"u{u}"] = pd.DataFrame({"time_s": t, "duty_pct": np.where(t >= 5, u, 0.0), "torque_nm": y})
-    fit = eaid.fit(logs)
+    fit = eaid.fit(logs, ci="none")
     assert [step.dead_time_s for step in fit.steps] == pytest.approx([0.5] * 3, abs=0.03)
     assert fit.verdict.usable and fit.plant.kind == "lag"
     assert (fit.plant.dead_time_s, fit.plant.tau1[0]) == (pytest.approx(0.5, abs=0.01), pytest.approx(0.4, rel=0.03))

@@ -8,7 +8,7 @@ import pytest
 import eaid
 from eaid.findings import finding, say
 
-T = np.arange(0.0, 18.0, 0.02)
+T = np.arange(0.0, 18.0, 0.04)
 LEVELS = (20.0, 40.0, 60.0, 80.0, 100.0)
 
 
@@ -28,7 +28,7 @@ def sound():
 
 def test_a_spike_in_one_release_stops_no_other_run(sound):
     logs = {f"u{u:g}r{k}": run(u, k) for u in LEVELS for k in range(2)}
-    logs["u40r1"].loc[700, "torque_nm"] = 9.0
+    logs["u40r1"].loc[350, "torque_nm"] = 9.0
     fit = eaid.fit(logs, ci="none")
     told = next(one for one in fit.findings if one.code == "runs-left-out")
     assert fit.verdict.usable and told.values["runs"] == ("u40r1-release",) and told.severity == "caution"
