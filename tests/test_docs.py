@@ -46,7 +46,8 @@ def explained(section: str) -> list[re.Pattern[str]]:
 @pytest.fixture(scope="module")
 def results() -> dict[str, Any]:
     """Small results of every kind."""
-    clutch, force = (eaid.synth(rate_hz=50.0, repeats=2, kind=kind) for kind in ("clutch", "friction-force"))
+    small = {"levels": (20.0, 40.0, 60.0, 80.0, 100.0), "rate_hz": 20.0, "repeats": 2}
+    clutch, force = eaid.synth(**small), eaid.synth(rate_hz=20.0, repeats=2, kind="friction-force")
     fit = eaid.fit(clutch, hold_out=(40.0,))
     gains = eaid.tune_rc(fit)
     random = eaid.synth(excitation="random", rate_hz=20.0, shape={"duration_s": 40.0})
@@ -55,7 +56,7 @@ def results() -> dict[str, Any]:
         "fit.json": fit, "force.json": eaid.fit(force), "gains.json": gains,
         "recorded.json": eaid.fit(random, shape="one"),
         "rig.json": eaid.sessions(pd.DataFrame(days, columns=["session", "level", "value", "sd_log"])),
-        "compare.json": eaid.compare(fit, eaid.fit(eaid.synth(rate_hz=50.0, repeats=2, seed=1)), gains=gains),
+        "compare.json": eaid.compare(fit, eaid.fit(eaid.synth(**small, seed=1)), gains=gains),
         "couple.json": eaid.couple(fit, gains, torque=(1.0,), loops=("pi",), replay=False),
     }  # fmt: skip
 
@@ -159,25 +160,6 @@ def test_contributing_names_files_that_exist() -> None:
     named = set(re.findall(r"`([\w./-]+/[\w./-]+\.(?:py|md|yml|txt))`", text))
     assert len(named) > 30
     assert [name for name in sorted(named) if not any((at / name).exists() for at in (ROOT, ROOT / "eaid"))] == []
-
-
-def rows_of(heading: str) -> list[list[str]]:
-    """The cells of the first table of CONTRIBUTING below a heading."""
-    table = CONTRIBUTING.split(f"\n## {heading}", 1)[1].split("|---|", 1)[1].split("\n\n", 1)[0]
-    return [[cell.strip() for cell in row.strip("|").split("|")] for row in table.splitlines()[1:]]
-
-
-def test_every_question_is_answered_by_files_that_are_there() -> None:
-    """A name without a folder lies beside the one named before it."""
-    rows = rows_of("Where things are")
-    assert len(rows) >= 10
-    for question, answer in rows:
-        beside, named = ROOT, re.findall(r"`([\w./-]+(?:\.py|\.md|/))`", answer)
-        assert named, question
-        for name in named:
-            path = ROOT / name if "/" in name else beside / name
-            assert path.exists(), (question, name)
-            beside = path if path.is_dir() else path.parent
 
 
 def test_every_room_stands_in_the_list_of_rooms_in_the_order_of_the_layers() -> None:

@@ -16,17 +16,6 @@ def names(folder: Path) -> list[str]:
     return sorted(item.name for item in folder.iterdir())
 
 
-def test_a_finished_block_leaves_the_file_alone_and_a_failure_the_earlier_one(tmp_path: Path) -> None:
-    target = tmp_path / "fit.json"
-    with files.written_whole(target) as (part,):
-        part.write_text("old")
-        assert not target.exists()
-    with pytest.raises(RuntimeError), files.written_whole(target, force=True) as (part,):
-        part.write_text("half")
-        raise RuntimeError
-    assert target.read_text() == "old" and names(tmp_path) == ["fit.json"]
-
-
 def test_an_existing_output_is_left_alone_without_force_also_where_it_appears_meanwhile(tmp_path: Path) -> None:
     target = tmp_path / "fit.json"
     with pytest.raises(UsageError, match="exists already"), files.written_whole(target) as (part,):

@@ -45,8 +45,6 @@ def test_a_default_lies_within_its_limits() -> None:
         (lambda: eaid.FitOptions(share=2.0), "share= 2: give a number above 0, 0.999 at most, or free"),
         (lambda: eaid.FitOptions(model=("nonlinaer",)),
          "model= nonlinaer: must be one of friction, nonlinear, linear; did you mean nonlinear?"),
-        (lambda: eaid.FitOptions(model=("linear", "linear")), "model=: names linear twice"),
-        (lambda: eaid.FitOptions(duty=(1.0, 2.0, 3.0)), "duty= 1,2,3: give two numbers, as LOW:HIGH"),
         (lambda: eaid.ReadOptions(repair="yes"), "repair= 'yes': give True or False"),
         (lambda: eaid.ReadOptions(name_pattern="run"), "name_pattern= run: holds neither {level} nor {repeat}"),
         (lambda: eaid.ReadOptions(apparatus="surfaces=0"), "apparatus= surfaces=0: Expected int >= 1: surfaces"),

@@ -91,7 +91,7 @@ def test_small_commands_of_a_closed_loop_are_commands(small_fit, tmp_path):
     assert fit.recorded.loops and fit.at(20.0)["value"].to_numpy() == pytest.approx(known.to_numpy(), rel=1e-4)
 
 
-@pytest.mark.parametrize("hold_s", [3.0, 5.0, 7.0])  # 1.5, 2.5 and 3.5 τ2
+@pytest.mark.parametrize("hold_s", [3.0, 7.0])  # 1.5 and 3.5 τ2
 def test_steps_between_levels_carry_the_tail_of_the_step_before(hold_s):
     """`change` was held by 11 to 42 % of 95 % intervals at 3.5 τ2."""
     gain = {20.0: 0.6, 50.0: 1.8, 80.0: 2.4, 40.0: 0.4}.__getitem__

@@ -12,12 +12,9 @@ from ..conftest import GAINS, PLANT
 
 SMALL = "--levels 20,40,60,80,100 --repeats 2 --rate-hz 20 --hold 8 --idle 1 --release 2 -q"
 FILES = {
-    "reference.csv": "time_s,reference_nm\n0,0\n1,1\n5,1\n",
-    "duty.csv": "time_s,duty_pct\n0,0\n1,50\n9,0\n",
-    "plan.csv": "order,level,repeat,idle_s,hold_s,release_s\n1,60,1,1,5,1\n",
-    "text.json": "hello",
-    "plan.json": '{"schema": "eaid/plan/1"}',
-}
+    "reference.csv": "time_s,reference_nm\n0,0\n1,1\n5,1\n", "duty.csv": "time_s,duty_pct\n0,0\n1,50\n9,0\n",
+    "text.json": "hello", "plan.json": '{"schema": "eaid/plan/1"}',
+}  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -93,11 +90,8 @@ def by_hand(tmp_path, monkeypatch):
     (tmp_path / "gains.json").write_text(json.dumps(GAINS))
 
     def write(parts=None, **scales):
-        content = {**paper(**scales), **(parts or {})}
-        (tmp_path / "fit.json").write_text(
-            json.dumps({name: part for name, part in content.items() if part is not None})
-        )
-        return tmp_path
+        content = {name: part for name, part in {**paper(**scales), **(parts or {})}.items() if part is not None}
+        (tmp_path / "fit.json").write_text(json.dumps(content))
 
     write()
     return write

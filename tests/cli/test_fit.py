@@ -39,25 +39,25 @@ def test_the_answer_comes_first_in_ten_lines(rig, run_eaid):
     assert told[-1] == "f.json: friction, nonlinear, linear, release of 10 clutch runs, synthetic"
 
 
-def test_options_reach_the_fit(fitted):
+def test_options_reach_the_fit(fitted, run_eaid):
     fit = fitted("data.h5 --model nonlinear,linear --share 0.8 --loss huber --hold-out 60 --bounds-levels 40:100")
     assert "friction" not in fit and fit["nonlinear"]["C"] == 0.8 and fit["options"]["loss"] == "huber"
     assert [row["level"] for row in fit["nonlinear"]["hold_out"]["levels"]] == [60.0]
     assert fit["linear"]["bounds"]["levels"] == [40.0, 80.0, 100.0]
+    assert run_eaid("fit", *fit["command"], "-q", "-o", "b.json").code == 0  # the words that it keeps make it again
+    assert Path("f.json").read_bytes() == Path("b.json").read_bytes()
     fit = fitted("data.h5 --share free --levels 40:100")
     assert fit["nonlinear"]["C_free"] is True and fit["friction"]["C"] is None and "hold_out" not in fit["nonlinear"]
     assert fit["nonlinear"]["u_range"] == fit["data"]["levels"][::3] == [40.0, 100.0]
-    fit = fitted("data.h5 --estimator joint --model nonlinear")
-    assert {"friction", "linear"} & fit.keys() == set() and fit["nonlinear"]["estimator"] == "joint"
 
 
 def test_reading_options_reach_the_runs(fitted):
     """The synthetic sensor has an offset, which `none` leaves in."""
-    by_rest, left = fitted("logs"), fitted("logs --baseline none")
+    by_rest, left = (fitted(f"logs --model friction{more}") for more in ("", " --baseline none"))
     assert {row["baseline_nm"] for row in left["data"]["sources"]} == {0.0}
     assert 0.0 not in {row["baseline_nm"] for row in by_rest["data"]["sources"]}
     assert left["friction"]["levels"][-1]["Ts"] != by_rest["friction"]["levels"][-1]["Ts"]
-    short = fitted("logs --until 7")
+    short = fitted("logs --model friction --until 7")
     longest, cut = (max(row["samples"] for row in fit["data"]["sources"]) for fit in (by_rest, short))
     assert cut < longest
 
@@ -105,7 +105,7 @@ def test_a_verdict_names_options_as_they_are_typed(tmp_path, monkeypatch, run_ea
         rows = [line.split(",") for line in log.read_text().splitlines()]
         scaled = [[*row[:-1], f"{1e9 * float(row[-1])}"] if row[0][:1].isdigit() else row for row in rows]
         log.write_text("\n".join(map(",".join, scaled)) + "\n")
-    ran = run_eaid("fit logs -o f.json")
+    ran = run_eaid("fit logs --ci none -o f.json")
     assert ran.code == 4 and ran.out.startswith("NOT USABLE: ") and "say --units output=UNIT" in ran.out
     ran = run_eaid("tune-rc f.json -o g.json")
     assert ran.code == 3 and "say --units output=UNIT" in ran.err

@@ -1,8 +1,5 @@
 """kill -9 right before any operation on files: earlier outputs stay whole, no final name ever holds half a file.
-
-Every command is killed on top of an earlier output, at operations chosen by a seed; `EAID_KILLS=50` makes so many, in
-place of a few. What may be left over is named `.NAME.….part`, and no run takes it for a file of its own.
-"""
+`EAID_KILLS=50` kills so often, in place of a few times. What may be left over is `.NAME.….part`, no file of a run."""
 
 import contextlib
 import ctypes
@@ -71,15 +68,12 @@ def ran(words, at=0):
 
 
 LINES = [
-    "ingest GIVEN/logs -o data.h5",
-    "fit GIVEN/data.h5 --model linear --ci bootstrap -o fit.json",
-    "tune-rc GIVEN/fit.json -o gains.json",
+    "ingest GIVEN/logs -o data.h5", "fit GIVEN/data.h5 --model linear --ci bootstrap -o fit.json",
+    "tune-rc GIVEN/fit.json -o gains.json", "report GIVEN/fit.json GIVEN/gains.json -o page",
     "simulate GIVEN/fit.json --gains GIVEN/gains.json --scenario steps -o replay.h5",
-    "report GIVEN/fit.json GIVEN/gains.json -o page",
-    "synth --levels 30,60 --repeats 1 --seed 7 -o synth.h5",
+    "synth --levels 30,60 --repeats 1 --seed 7 -o synth.h5", "plan GIVEN/fit.json --no-check -o plan.csv",
     "synth --levels 30,60 --repeats 2 --seed 7 --rate-hz 20 --hold 5 -o folder",
-    "plan GIVEN/fit.json --no-check -o plan.csv",
-]
+]  # fmt: skip
 EARLIER = "synth --levels 20,50 --repeats 3 --seed 1 --rate-hz 20 --hold 5 -o folder"
 """A folder that the new one replaces whole; other outputs begin as the new ones with a line behind them."""
 

@@ -13,28 +13,20 @@ import pytest
 FRICTION = "--repeats 2 --rate-hz 20 --hold 8 --idle 2"
 SMALL = "--repeats 3 --rate-hz 20 --hold 30 --idle 2 --release 10"
 FIRST = {
-    "in % and N·m": [f"synth {SMALL} -o 'my logs'"],
-    "a staircase": ["synth --excitation staircase -o 'my logs'"],
-    "force": [f"synth --kind friction-force {FRICTION} -o 'my logs'"],
-    "speed": [f"synth --kind friction-speed {FRICTION} -o 'my logs'"],
-    "odd names": ["ingest odd"],
-    "unknown rig": ["fit log.csv"],
-    "between levels": ["fit levels.csv"],
-    "overshoot": ["fit slips"],
-    "another share": ["fit shares"],
-}
+    "in % and N·m": f"synth {SMALL} -o 'my logs'", "a staircase": "synth --excitation staircase -o 'my logs'",
+    "force": f"synth --kind friction-force {FRICTION} -o 'my logs'",
+    "speed": f"synth --kind friction-speed {FRICTION} -o 'my logs'", "odd names": "ingest odd",
+    "unknown rig": "fit log.csv", "between levels": "fit levels.csv", "overshoot": "fit slips",
+    "another share": "fit shares",
+}  # fmt: skip
 """What each chain begins with; everything else is as it was printed."""
-SLOW = ("a staircase", "speed", "overshoot")
+SLOW = ("a staircase", "force", "speed", "odd names", "between levels", "overshoot", "another share")
 FASTER = {"plan": ["--no-check"], "report": ["--figures", "fig07,fig03"]}
 OTHERS = {
-    "another clutch": (
-        "fit RIGS/clutch --columns 'time=Time,output=\"Load Cell\"' --units time=us,output=N "
-        "--name-pattern '_V={level}_' --step-at 2 --until 5 --repair -o fit.json"
-    ),
-    "a lamp": ("fit RIGS/lamp.csv --columns time=2,input=3,output=1 --units time=us,output=mV -o fit.json"),
-}
-
-
+    "another clutch": "fit RIGS/clutch --columns 'time=Time,output=\"Load Cell\"' --units time=us,output=N "
+                      "--name-pattern '_V={level}_' --step-at 2 --until 5 --repair -o fit.json",
+    "a lamp": "fit RIGS/lamp.csv --columns time=2,input=3,output=1 --units time=us,output=mV -o fit.json",
+}  # fmt: skip
 T = np.arange(0, 8, 0.02)
 RISE = -np.expm1(-np.maximum(T - 2, 0) / 0.3)
 
@@ -103,15 +95,14 @@ def test_what_is_printed_runs(name, run_eaid, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make(name)
     friction = name in ("force", "speed")
-    done = run_chain(FIRST[name], run_eaid, "fit report" if friction else "fit tune-rc simulate report export")
+    done = run_chain([FIRST[name]], run_eaid, "fit report" if friction else "fit tune-rc simulate report export")
     assert not any("--share" in one for one in done)  # a C that the runs tell is the fit's already
 
 
 def test_options_of_a_design_stay_in_what_mends_it(by_hand, run_eaid):
     by_hand({"data": {"input_unit": "V", "output_unit": "N", "levels": [30.0, 300.0], "sample_rate_hz": 1000.0}}, k=3)
-    done = run_chain(
-        ["tune-rc fit.json --kp 5 --pi-gains 21,360 -o gains.json"], run_eaid, "tune-rc simulate report export"
-    )
+    first = "tune-rc fit.json --kp 5 --pi-gains 21,360 -o gains.json"
+    done = run_chain([first], run_eaid, "tune-rc simulate report export")
     mended = [words for words in done[1:] if words[0] == "tune-rc"]
     assert all(words[1:6] == ["fit.json", "--kp", "5", "--pi-gains", "21,360"] for words in mended)
 

@@ -54,8 +54,7 @@ ONE_LEVEL = {"code": "one-level-nonlinear", "severity": "caution", "subject": "n
 @pytest.mark.parametrize(
     ("parts", "want", "code", "sentence"),
     [
-        ({"uncertainty": NOISE}, "Ts=0.2", 0, "warning: T_s comes to"),
-        ({"uncertainty": NOISE}, "Ts=0.2", 0, "runs differ by 3 %"),
+        ({"uncertainty": NOISE}, "Ts=0.2", 0, "warning: T_s comes to … runs differ by 3 %"),
         ({}, "Ts=5", 0, "does not say how noisy the rig is"),
         ({"findings": [ONE_LEVEL]}, "Ts=5", 0, "the plan rests on a guess"),
         ({"nonlinear": None}, "Ts=5", 3, "holds neither a nonlinear nor a friction model to plan with"),
@@ -64,4 +63,5 @@ ONE_LEVEL = {"code": "one-level-nonlinear", "severity": "caution", "subject": "n
 def test_what_is_told_of_a_plan(parts, want, code, sentence, by_hand, run_eaid):
     by_hand(parts)
     ran = run_eaid("plan fit.json --want", want, "--no-check")
-    assert ran.code == code and sentence in ran.err and ("What to record" in ran.out) == (code == 0)
+    assert ran.code == code and all(part in ran.err for part in sentence.split("…"))
+    assert ("What to record" in ran.out) == (code == 0)

@@ -109,11 +109,8 @@ def test_a_reader_that_goes_away_is_no_failure(line, stream, tmp_path):
 @pytest.mark.slow
 def test_streams_that_are_closed_full_or_know_few_letters(tmp_path):
     data = tmp_path / "d.h5"
-    lines = {
-        f"{' '.join(SHORT)} {data}": 0,
-        f"fit {data} -o {tmp_path / 'f.json'} --force --ci none": 0,
-        "fit no.csv": 3,
-    }
+    fit = f"fit {data} -o {tmp_path / 'f.json'} --force --ci none"
+    lines = {f"{' '.join(SHORT)} {data}": 0, fit: 0, "fit no.csv": 3}
     for (line, code), redirect in itertools.product(lines.items(), (">&-", "2>&-", ">&- 2>&-")):
         words = f"exec {sys.executable} -m eaid {line} {redirect}"
         assert subprocess.run(["sh", "-c", words], capture_output=True, check=False).returncode == code

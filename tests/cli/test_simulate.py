@@ -69,14 +69,6 @@ def test_the_rate_that_a_fit_was_told_is_that_of_a_log_without_a_clock(run_eaid)
     assert run_eaid(["simulate", "fit.json", "--log", one, "-o", "log.h5", "--force"]).code == 3
 
 
-def test_in_volts_steps_go_over_the_whole_range(by_hand, run_eaid, volts):
-    by_hand({"data": volts}, k=3, y=0.5)
-    ran = run_eaid("simulate fit.json --controller inverse --scenario steps --duration 9 --force")
-    found = columns("inverse")  # 4 N·m of 4.372, for 2.186 N
-    assert "(N)" in ran.out and found["reference_nm"].max() == pytest.approx(2.0, rel=1e-3)
-    assert found["duty_pct"].max() == 300
-
-
 def test_gains_of_another_rig_and_logs_in_other_units_are_refused(by_hand, run_eaid, volts):
     by_hand({"data": volts}, k=3, y=0.5)
     ran = run_eaid("simulate fit.json --gains gains.json")

@@ -92,7 +92,6 @@ def test_a_linear_model_of_no_rig_is_refused(linear, sentence, by_hand, run_eaid
         # below 0 only between two of the 101 duties that a fit's constraints hold at
         ({"tau1": [0.1 * 10.45**2 - 1e-6, -2.09, 0.1]}, "nonlinear.tau1 is -1e-06 s at an input of 10.45, which"),
         ({"tau2": [0.05, 0.0, 0.0]}, "nonlinear.tau2 is 0.05 s at an input of 10, below tau1, which"),
-        ({"tau2": [0.5, 1e50, 0.0]}, "nonlinear.tau2 is"),
         ({"Ts": [-0.5, 0.02, 0.0, 0.0]}, "nonlinear.Ts is -0.3 at an input of 10, which"),
         ({"Ts": [1e-300, 1e-300, 0.0, 0.0]}, "nonlinear.Ts is 1.1e-299 at an input of 10, which"),
         ({"C": 1.5}, "nonlinear.C is"),
@@ -116,10 +115,8 @@ def test_a_fit_without_what_is_needed(by_hand, run_eaid):
 
 
 def test_a_fit_that_is_not_usable_is_used_on_request_only(tuned, by_hand, run_eaid):
-    parts = {
-        "linear": LINEAR, "nonlinear": None,
-        "findings": [{"code": "one level only", "severity": "stop", "subject": "linear"}],
-    }  # fmt: skip
+    stop = {"code": "one level only", "severity": "stop", "subject": "linear"}
+    parts = {"linear": LINEAR, "nonlinear": None, "findings": [stop]}
     by_hand(parts)
     ran = run_eaid("tune-rc fit.json -o x")
     assert ran.code == 3
@@ -131,10 +128,9 @@ def test_a_fit_that_is_not_usable_is_used_on_request_only(tuned, by_hand, run_ea
 def test_gains_of_another_fit_are_told_wherever_they_are_used(by_hand, run_eaid):
     by_hand()
     assert run_eaid("tune-rc fit.json -q --force -o gains.json").code == 0
-    own = [run_eaid("simulate fit.json gains.json -o own.h5"), run_eaid("report fit.json gains.json -o own")]
-    by_hand({"seed": 7})
-    others = [run_eaid(f"{words} --force") for words in
-              ("simulate fit.json gains.json -o r.h5", "export gains.json fit.json --as yaml -o rig",
-               "report fit.json gains.json -o page")]  # fmt: skip
-    said = "the gains were made from another fit (fit.json)"
-    assert [said in ran.err for ran in (*own, *others)] == [False, False, True, True, True]
+    lines = ("simulate fit.json gains.json -o r.h5", "export gains.json fit.json --as yaml -o rig",
+             "report fit.json gains.json --figures fig02 -o page")  # fmt: skip
+    for seed, other in ((0, False), (7, True)):
+        by_hand({"seed": seed} if other else None)
+        for line in lines:
+            assert ("the gains were made from another fit (fit.json)" in run_eaid(f"{line} --force").err) is other

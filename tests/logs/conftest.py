@@ -54,10 +54,7 @@ def codes() -> Any:
     def of(run: Any) -> dict[str, Mapping[str, Any]]:
         assert {one.subject for one in run.findings} <= {run.name}
         found = ((one.code, dict(one.values)) for one in run.findings)
-        return {
-            code: values
-            for code, values in found
-            if code != "unit-assumed" or not any(one.items() <= values.items() for one in plain)
-        }
+        return {code: said for code, said in found if code != "unit-assumed" or
+                not any(one.items() <= said.items() for one in plain)}  # fmt: skip
 
     return of

@@ -2,7 +2,6 @@
 
 import gzip
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,37 +14,29 @@ from hypothesis import strategies as st
 import eaid
 from eaid import DataError, EaidError
 
-PROFILE = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-LENGTHS = [pytest.param(False, id="brief"), pytest.param(True, id="long", marks=pytest.mark.slow)]
+pytestmark = pytest.mark.slow  # the tables of the other files hold what once came of it
 
 
-def tried(long: bool, brief: int, most: int, **given_by: Any) -> Callable[[Callable[..., None]], None]:
-    """Runs a property at once, on few examples or on many."""
-
-    def run(check: Callable[..., None]) -> None:
-        settings(PROFILE, max_examples=most if long else brief)(given(**given_by)(check))()
-
-    return run
+def many(count: int) -> Any:
+    return settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=count)
 
 
-@pytest.mark.parametrize("long", LENGTHS)
-def test_any_table_in_any_dialect(long, read):
-    @tried(
-        long, 40, 400,
-        values=st.lists(st.floats(-1e12, 1e12).map(lambda x: x * (abs(x) > 1e-90)), min_size=12, max_size=40),
-        between=st.sampled_from([",", ";", "\t", "|", "  "]), decimal=st.sampled_from([".", ","]),
-        end=st.sampled_from(["\n", "\r\n", "\r"]), encoding=st.sampled_from(["utf-8-sig", "utf-16", "latin-1", "gzip"]),
-        remark=st.booleans(), order=st.permutations(["time_s", "torque_nm", "note"]),
-    )  # fmt: skip
-    def check(values, between, decimal, end, encoding, remark, order):
-        if between == decimal:
-            return
-        columns = {"time_s": range(len(values)), "torque_nm": values, "note": [0.5] * len(values)}
-        cells = [[repr(v).replace(".", decimal) for v in columns[name]] for name in order]
-        content = "# a rig" * remark + end * remark + written.text(",".join(order), *cells, between=between, end=end)
-        raw = gzip.compress(content.encode()) if encoding == "gzip" else content.encode(encoding)
-        run = read(raw)
-        assert run.output.tolist() == values and run.time_s.tolist() == list(range(len(values)))
+@many(400)
+@given(
+    values=st.lists(st.floats(-1e12, 1e12).map(lambda x: x * (abs(x) > 1e-90)), min_size=12, max_size=40),
+    between=st.sampled_from([",", ";", "\t", "|", "  "]), decimal=st.sampled_from([".", ","]),
+    end=st.sampled_from(["\n", "\r\n", "\r"]), encoding=st.sampled_from(["utf-8-sig", "utf-16", "latin-1", "gzip"]),
+    remark=st.booleans(), order=st.permutations(["time_s", "torque_nm", "note"]),
+)  # fmt: skip
+def test_any_table_in_any_dialect(read, values, between, decimal, end, encoding, remark, order):
+    if between == decimal:
+        return
+    columns = {"time_s": range(len(values)), "torque_nm": values, "note": [0.5] * len(values)}
+    cells = [[repr(v).replace(".", decimal) for v in columns[name]] for name in order]
+    content = "# a rig" * remark + end * remark + written.text(",".join(order), *cells, between=between, end=end)
+    raw = gzip.compress(content.encode()) if encoding == "gzip" else content.encode(encoding)
+    run = read(raw)
+    assert run.output.tolist() == values and run.time_s.tolist() == list(range(len(values)))
 
 
 CELL = st.text(st.characters(codec="ascii", exclude_characters="\r\n", exclude_categories=("Cc",)), max_size=12)
@@ -64,26 +55,24 @@ def meaning(cell: str) -> float | None:
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of numbers as 1e200 in the search for steps
-@pytest.mark.parametrize("long", LENGTHS)
-def test_a_mutated_cell_is_read_as_it_stands_or_refused(long, read):
+@many(800)
+@given(cell=CELL | NEARLY, row=st.integers(0, 199), column=st.integers(1, 2), remark=st.booleans())
+def test_a_mutated_cell_is_read_as_it_stands_or_refused(read, cell, row, column, remark):
     step = [column[100:300] for column in written.step(400)]
-
-    @tried(long, 60, 800, cell=CELL | NEARLY, row=st.integers(0, 199), column=st.integers(1, 2), remark=st.booleans())
-    def check(cell, row, column, remark):
-        cells = [[f"{a:.4f}", f"{b:g}", f"{c:.6f}"] for a, b, c in zip(*step, strict=True)]
-        cells[row][column] = cell
-        content = written.text("time_s,duty_pct,torque_nm", *zip(*cells, strict=True)) + "# the end\n" * remark
-        cell = re.sub(r',[\s"]*$', "", cell) if column == 2 else cell  # a row may end with a delimiter
-        try:
-            run = read(content)
-        except DataError as refusal:
-            assert f"row {row + 2}" in str(refusal) or meaning(cell) is not None  # noqa: PT017
-            return
-        cells[row][column] = cell
-        wanted = np.array([[meaning(one) for one in line] for line in cells], dtype=object)
-        assert ("," not in cell or '"' in cell) and wanted[row, column] is not None
-        np.testing.assert_allclose(run.time_s + run.start_s, wanted[:, 0].astype(float), atol=1e-12)
-        np.testing.assert_array_equal((run.input, run.output), wanted[:, 1:].astype(float).T)
+    cells = [[f"{a:.4f}", f"{b:g}", f"{c:.6f}"] for a, b, c in zip(*step, strict=True)]
+    cells[row][column] = cell
+    content = written.text("time_s,duty_pct,torque_nm", *zip(*cells, strict=True)) + "# the end\n" * remark
+    cell = re.sub(r',[\s"]*$', "", cell) if column == 2 else cell  # a row may end with a delimiter
+    try:
+        run = read(content)
+    except DataError as refusal:
+        assert f"row {row + 2}" in str(refusal) or meaning(cell) is not None  # noqa: PT017
+        return
+    cells[row][column] = cell
+    wanted = np.array([[meaning(one) for one in line] for line in cells], dtype=object)
+    assert ("," not in cell or '"' in cell) and wanted[row, column] is not None
+    np.testing.assert_allclose(run.time_s + run.start_s, wanted[:, 0].astype(float), atol=1e-12)
+    np.testing.assert_array_equal((run.input, run.output), wanted[:, 1:].astype(float).T)
 
 
 def only_refusals(folder: Path, contents: list[bytes]) -> None:
@@ -104,14 +93,16 @@ MAGIC = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("long", LENGTHS)
-def test_random_bytes(long, tmp_path):
-    plain = st.sampled_from([b"", b"\x1f\x8b\x08\x00", b"\xff\xfe", b"PK\x03\x04", b"time,torque\n"])
+PLAIN = st.sampled_from([b"", b"\x1f\x8b\x08\x00", b"\xff\xfe", b"PK\x03\x04", b"time,torque\n"])
 
-    @tried(long, 40, 300, magic=plain, rest=st.binary(max_size=600))
-    def check(magic, rest):
-        only_refusals(tmp_path, [magic + rest])
 
-    @tried(long, 2, 20, rests=st.lists(st.binary(max_size=600), min_size=len(MAGIC), max_size=len(MAGIC)))
-    def check_binary(rests):
-        only_refusals(tmp_path, [magic + rest for magic, rest in zip(MAGIC, rests, strict=True)])
+@many(300)
+@given(magic=PLAIN, rest=st.binary(max_size=600))
+def test_random_bytes(tmp_path, magic, rest):
+    only_refusals(tmp_path, [magic + rest])
+
+
+@many(20)
+@given(rests=st.lists(st.binary(max_size=600), min_size=len(MAGIC), max_size=len(MAGIC)))
+def test_random_bytes_in_a_binary_file(tmp_path, rests):
+    only_refusals(tmp_path, [magic + rest for magic, rest in zip(MAGIC, rests, strict=True)])

@@ -62,9 +62,8 @@ UNREAD = {
 BAD: dict[str, tuple[Any, ...]] = {
     **{f"{mark!r}": (mark + bytes(100), f"is {said}") for mark, said in UNREAD.items()},
     "empty.csv": (b"", "is empty; record the log again"), "blank.csv": (b"\n \n\n", "is empty; record the log again"),
-    "header.csv": (csv([]), PROSE), "header-only.csv": (HEADER.encode(), PROSE),
+    "header.csv": (csv([]), PROSE),
     "prose.csv": (b"Dear all,\nthe clutch broke.\nNo data today.\nSorry.\n", PROSE),
-    "short-prose.csv": (b"just words\nand more\n", PROSE),
     "binary.csv": (bytes(range(256)) * 40, f"is {BINARY}"),
     "repeated.csv": (changed(100, GOOD[97]), "time is repeated at row 100 (0.97 s after 0.97 s)" + SORT),
     "falling.csv": (changed(100, "0.5,50,1.9"), "time falls at row 100 (0.5 s after 0.97 s)" + SORT),
@@ -73,18 +72,13 @@ BAD: dict[str, tuple[Any, ...]] = {
     "cell.csv": (changed(60, "0.58,,0.9"), "row 60, column duty_pct, is empty" + CELL),
     "word.csv": (changed(60, "0.58,50,high"), "row 60, column torque_nm, holds 'high', which is no number" + CELL),
     "nan.csv": (changed(60, "0.58,50,nan"), "row 60, column torque_nm, holds 'nan', which is not finite" + CELL),
-    "inf.csv": (changed(60, "0.58,50,-inf"), "row 60, column torque_nm, holds '-inf', which is not finite" + CELL),
-    "huge.csv": (changed(60, "0.58,50,1e400"), "row 60, column torque_nm, holds '1e400', which is not finite" + CELL),
     "short-row.csv": (changed(60, "0.58,50"), "row 60 has 2 cells, unlike the others" + CELL),
-    "long-row.csv": (changed(60, "0,58,50,0.9"), "row 60 has 4 cells, unlike the others" + CELL),
-    "hex.csv": (changed(60, "0x3A,50,0.9"), "row 60, column time_s, holds '0x3A', which is no number" + CELL),
+
     "long-word.csv": (changed(60, "0.58,50," + "x" * 50),
                       f"row 60, column torque_nm, holds '{'x' * 40}', which is no number" + CELL),
-    "per-cent.csv": (changed(60, "0.58,50%,0.9"), "row 60, column duty_pct, holds '50%', which is no number" + CELL),
     "header-again.csv": (changed(60, HEADER), "row 60, column time_s, holds 'time_s', which is no number" + CELL),
     "cut-off.csv": (csv(GOOD)[:-9], "row 201 has 2 cells, unlike the others" + CELL),
     "summary.csv": (csv([*GOOD, "mean,,1.2"]), "row 202, column time_s, holds 'mean', which is no number" + CELL),
-    "no-value.csv": (changed(60, "0.58,50,N/A"), "row 60, column torque_nm, holds 'N/A', which is no number" + CELL),
     "stamps.csv": (column(0, lambda i, t: "25:61:61.5" if i == 70 else f"16:18:{17 + int(t):02d}.{t % 1 * 100:02.0f}"),
                    "row 72, column time_s, holds '25:61:61.5', which is no number" + CELL),
     "no-stamp.csv": (column(0, lambda i, t: "" if i == 70 else f"16:18:{17 + int(t):02d}.{t % 1 * 100:02.0f}"),
@@ -103,7 +97,6 @@ BAD: dict[str, tuple[Any, ...]] = {
         "the input is 2047.5 % at 0.5 s, above 100" + BEYOND.replace("255", "4095")),
     "below.csv": (column(1, lambda i, u: -u), "the input is -50 % at 0.5 s, below 0" + BEYOND),
     "short.csv": (csv(rows(59)), "9 samples in its window, at least 10 are needed; record it longer"),
-    "one-row.csv": (csv(GOOD[:1]), "holds 1 samples, and a step takes at least 10; record it longer"),
     "nine-rows.csv": (csv(GOOD[45:54]), "holds 9 samples, and a step takes at least 10; record it longer"),
     "on-off.csv": (column(1, lambda i, u: "on" if u else "off"),
                    "column duty_pct holds no number in any row, but words such as 'off'; write what they stand for in "
@@ -114,8 +107,6 @@ BAD: dict[str, tuple[Any, ...]] = {
         "for thousands"),
     "no-time.csv": (csv(GOOD, "tick,duty_pct,torque_nm"),
                     "no column is called time (columns: tick, duty_pct, torque_nm)" + NO_TIME),
-    "one-column.csv": (csv([f"{i}.5" for i in range(99)], "torque_nm"),
-                       "no column is called time (columns: torque_nm)" + NO_TIME),
     "no-torque.csv": (csv(GOOD, "time_s,duty_pct,temperature"), "no column is called torque, force … (columns: time_s, "
                       "duty_pct, temperature); name what was measured with --columns output=NAME"),
     "two-torques.csv": (more(lambda i: 0, f"{HEADER},torque_nm"), "several columns may be the output (torque_nm, "
@@ -130,8 +121,6 @@ BAD: dict[str, tuple[Any, ...]] = {
                                   "time, control output, box temp, P, I and 1 more, of which none is taken; say by "
                                   "number, from 1 to 3, what they are, as in --columns time=1,input=2,output=3, and "
                                   "--units time=UNIT where it is not in s"),
-    "two-times.csv": (csv([f"{i},{line}" for i, line in enumerate(GOOD)], f"time,{HEADER}"),
-                      'several columns may be the time (time, time_s); say which with --columns time="time"'),
     "two-duties.csv": (more(lambda i: 50, f"{HEADER},duty (%)"),
                        'several columns may be the input (duty_pct, duty (%)); say which with --columns '
                        'input="duty_pct"'),
@@ -167,9 +156,6 @@ BAD: dict[str, tuple[Any, ...]] = {
     "few-digits.csv": (column(0, lambda i, t: f"{t:.1f}"), "179 of 200 rows repeat the time of the row before, from "
                        "row 3 on: its stamps have too few digits, or rows were written twice; save each row once, with "
                        "all digits, or give the sample rate with --rate-hz"),
-    "set-back.csv": (column(0, lambda i, t: t - 0.5 * (i > 99)), "time falls at row 102 (0.5 s after 0.99 s); split "
-                                                                 "the log where its clock was set back; or number its "
-                                                                 "runs in a further column, if the next begins there"),
     "set-back-in-ms.csv": (column(0, lambda i, t: 1e3 * (t - 0.5 * (i > 99)), "time_ms,duty_pct,torque_nm"), "time "
                            "falls at row 102 (0.5 s after 0.99 s); split the log where its clock was set back; or "
                            "number its runs in a further column, if the next begins there"),

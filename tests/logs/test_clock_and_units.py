@@ -8,7 +8,6 @@ import pytest
 from logs_written import frame, text
 
 import eaid
-from eaid.logs.units import split_name
 
 T = np.arange(60.0) / 10
 STEP = np.where(np.arange(60) >= 30, 1.0, 0.0)
@@ -32,18 +31,15 @@ def at(times: Any, name: str = "time", torque: str = "torque_nm", **more: Any) -
         (0, 0.01, "Time [us]", None, 1e-6, ""), (0, 1, "time", None, 1, "time-doubtful ms"),
         (0, 1 / 6000, "t", None, 1, "time-unclear h"), (0, 10, "Time [s]", None, 1, ""),
         (0, 11, "Time [s]", None, 1, "whole-seconds"), (0, 11, "Time [s]", "ms", 1e-3, ""),
-        (0, 62, "time", None, 1, "time-unclear ms"), (0, 501, "time", None, 1, "time-unclear us"),
-        (0, 61.3, "time", None, 1, "time-unclear ms"),  # no whole numbers, but an hour and more
+        (0, 501, "time", None, 1, "time-unclear us"), (0, 61.3, "time", None, 1, "time-unclear ms"),
         (0, 5.1e5, "time", None, 1, "time-unclear ns"), (0.5, 62, "time", None, 1, "time-unclear ms"),
         (1.2e9, 5000, "time", None, 1, "time-unclear us"), (4e9, 74, "time", None, 1, ""),
         (45_000, 1 / 8_640_000, "time", None, 1, "time-unclear d"),
         (45_000, 1 / 49_000, "time", None, 1, "time-doubtful h"),
         (0, 1 / 1999, "time", None, 1, ""),
         (45_000, 1 / 8_640_000, "time_s", None, 1, "time-unclear d"), (0, 10, "time_ms", None, 1e-3, ""),
-        (0, 10, "millis", None, 1e-3, ""), (0, 10, "ms", None, 1e-3, ""), (0, 1, "s", None, 1, ""),
-        (0, 10, "timeMs", None, 1e-3, ""), (0, 1e-3, "Time (h)", None, 3600, ""),
-        (0, 1e-5, "time [days]", None, 86400, ""), (0, 1e-3, "minutes", None, 60, ""),
-        (0, 1e4, "Zeit in us", None, 1e-6, ""), (0, 1, "time", "/200", 1 / 200, ""), (0, 10, "time_s", "s", 1, ""),
+        (0, 10, "millis", None, 1e-3, ""), (0, 10, "timeMs", None, 1e-3, ""), (0, 1e-3, "Time (h)", None, 3600, ""),
+        (0, 1e4, "Zeit in us", None, 1e-6, ""), (0, 1, "time", "/200", 1 / 200, ""),
         (1.7e12, 1, "time_ms", None, 1e-3, ""), (1.7e12, 1, "time", "s", 1, ""),
         (0, 2.5, "sample", None, 1, "time-doubtful ms"),
         (0, 1, "sample", "s", 1, ""),
@@ -63,8 +59,7 @@ def test_clocks(first, step, name, said, factor, code, read, codes):
 
 
 @pytest.mark.parametrize(
-    ("said", "since"),
-    [(8.0, 3.0), (5.0, 0.0), (10.9, 5.9), (3.0, 3.0), (4.9, 4.9), (5.9, 0.9), (30.0, 25.0), (-1.0, -6.0), (0.0, 0.0)],
+    ("said", "since"), [(8.0, 3.0), (5.0, 0.0), (10.9, 5.9), (4.9, 4.9), (30.0, 25.0), (-1.0, -6.0)]
 )
 def test_instants_on_the_clock_of_a_log_or_since_its_start(said, since, read):
     """Of a log from 5 s to 10.9 s; outside of it they count since its start, if they lie inside so."""
@@ -108,20 +103,14 @@ def test_every_spelling_of_a_unit(read):
         np.testing.assert_allclose(values, factor * (T if of_time else np.arange(60)), rtol=1e-11, err_msg=spelling)
 
 
-@pytest.mark.parametrize("unit", ["mPa", "MNm", "MN·m", "m", "mm/s^2", "°C", "counts", "N/m", "Ohm", "W", "dB", "bits"])
-def test_a_unit_that_is_not_known_stays_as_it_is(unit, read, codes):
-    for run in (read(at(T, torque="y"), units={"output": unit}), read(at(T, torque="y", units={"y": unit}))):
-        assert (run.output_unit, run.output[1], codes(run)) == (unit, 1.0, {})
-
-
 @pytest.mark.parametrize(
     ("column", "unit", "factor"),
     [
         ("torque.mNm", "N·m", 1e-3), ("TorqueMnm", "N·m", 1e-3), ("Torque / Nm", "N·m", 1), ("Force,N", "N", 1),
         ("T1", "", 1), ("Torque (mNm)", "N·m", 1e-3), ("Load Cell (g)", "N", 9.80665e-3), ("levelPct", "%", 1),
-        ("Spannung", "", 1), ("a {V}", "V", 1), ("a [what]", "what", 1), ("a_what", "", 1), ("ratio_1", "", 1),
-        ("a -", "", 1), ("(V)", "", 1), ("x, N", "N", 1), ("speed_rad/s", "RPM", 30 / np.pi),
-        ("omega in rad/s", "RPM", 30 / np.pi), ("n 1/min", "RPM", 1), ("speed rad/s", "RPM", 30 / np.pi),
+        ("a {V}", "V", 1), ("a [what]", "what", 1), ("a_what", "", 1), ("ratio_1", "", 1),
+        ("(V)", "", 1), ("temperature_degC", "degC", 1), ("travel_mm", "mm", 1), ("x [bits]", "bits", 1),
+        ("omega in rad/s", "RPM", 30 / np.pi), ("speed rad/s", "RPM", 30 / np.pi),
         ("velocity_mm/s", "mm/s", 1), ("speed in m/min", "m/min", 1), ("a_b/c", "", 1), ("Drehzahl, U/min", "RPM", 1),
         ("forceN", "N", 1), ("levelV", "V", 1), ("planA", "", 1), ("ForceMn", "N", 1e-3), ("dutyCycle", "", 1),
         ("u%", "", 1), ("a b_kV", "V", 1e3), (" x [kPa] ", "bar", 1e-2), ("torqueNcm", "N·m", 1e-2),
@@ -178,16 +167,13 @@ def test_units_of_inputs(column, said, unit, factor, code, read, codes):
 
 
 @pytest.mark.parametrize(
-    ("y", "unit", "largest"),
-    [(1000.0, None, None), (1000.5, None, 1000.5), (-1000.5, None, 1000.5), (1001.0, "Nm", None), (2e6, "mNm", None)],
-)
-def test_a_torque_beyond_any_clutch(y, unit, largest, read, codes):
-    run = read(
-        frame(f"time|duty|torque_{unit or 'Nm'}", T, 60 * STEP, y * STEP), units={"output": unit} if unit else {}
-    )
-    assert codes(run).get("torque-too-large") == (None if largest is None else {"largest": largest})
-    in_mn = frame("time|duty|force_kn", T, 60 * STEP, y * STEP)
-    assert codes(read(in_mn)) == {}
+    ("y", "name", "said", "told"),
+    [(1000.0, "torque_Nm", {}, False), (-1000.5, "torque_Nm", {}, True), (1001.0, "torque_Nm", {"output": "Nm"}, False),
+     (1000.5, "force_kN", {}, False)],
+)  # fmt: skip
+def test_a_torque_beyond_any_clutch(y, name, said, told, read, codes):
+    run = read(frame(f"time|duty|{name}", T, 60 * STEP, y * STEP), units=said)
+    assert codes(run) == ({"torque-too-large": {"largest": abs(y)}} if told else {})
 
 
 def test_a_doubt_about_the_unit_leaves_no_run_out():
@@ -254,8 +240,3 @@ def test_a_reference_is_read_in_its_own_unit_or_that_of_the_output():
     assert read("reference", units={"reference": "kN·m"}) == 1e6
     with pytest.raises(eaid.DataError, match=r"its reference, reference_N, is in N, its output in N·m"):
         read("reference_N")
-
-
-@pytest.mark.parametrize("name", ["temperature_degC", "angle_deg", "travel_mm"])
-def test_a_unit_that_stays_as_it_is_may_end_a_name(name):
-    assert "_".join(split_name(name)) == name

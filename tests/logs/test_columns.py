@@ -198,9 +198,7 @@ def test_bad_frames_are_told_all_at_once(read):
         "y: no column is called torque, force … (columns: time_s, duty_pct)", "e: the DataFrame is empty",
         "d: several columns have one name", "n: row 6, column time_s, is empty or not a number",
     ]  # fmt: skip
-    with pytest.raises(
-        DataError, match="2 of 800 rows have no name in the column run; say of each row which run it is"
-    ):
+    with pytest.raises(DataError, match="2 of 800 rows have no name in the column run; say of each row which run it"):
         eaid.read(unnamed)
 
 

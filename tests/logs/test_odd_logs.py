@@ -24,11 +24,10 @@ def grouped(values: Any, digits: int, marks: str = ",.") -> list[str]:
 
 def clock(form: str = "{h:02d}:{m:02d}:{s:05.2f}", start: float = 86398.0, mark: str = ".") -> list[str]:
     """Wall-clock stamps from 23:59:58 on; `{d}` counts days from 28."""
-    days, seconds = np.divmod(np.round(start + T, 2), 86400)
-    parts = [
-        (28 + int(d), int(s // 3600), int(s // 60 % 60), float(s % 60)) for d, s in zip(days, seconds, strict=True)
+    parts = [divmod(round(start + t, 2), 86400) for t in T.tolist()]
+    return [
+        form.format(d=28 + int(d), h=int(s // 3600), m=int(s // 60 % 60), s=s % 60).replace(".", mark) for d, s in parts
     ]
-    return [form.format(d=d, h=h, m=m, s=s).replace(".", mark) for d, h, m, s in parts]
 
 
 @dataclass(frozen=True)
@@ -52,15 +51,13 @@ PAIR = "duty_pct,torque_nm"
 DATED = clock("2024-02-{d} {h:02d}:{m:02d}:{s:05.2f}")
 LOGS = {
     "plain": Log(text(HEADER, T, U, Y)),
-    "tabs": Log(text(HEADER, T, U, Y, between="\t")), "bars": Log(text(HEADER, T, U, Y, between="|")),
+    "tabs": Log(text(HEADER, T, U, Y, between="\t")),
     "spaces before every row": Log(text(HEADER, T, U, Y, between="  ").replace("\n", "\n  ").rstrip(" ")),
     "commas and decimal commas in quotes": Log(text(HEADER, *([f'"{x}"' for x in commas(v)] for v in (T, U, Y)))),
     "mixed line ends": Log("".join(
         line + ("\n", "\r\n", "\r")[i % 3] for i, line in enumerate(text(HEADER, T, U, Y).splitlines()))),
     "UTF-16": Log(text(HEADER, T, U, Y), encoding="utf-16"),
     "Windows-1252": Log(text("Zeit (s),Tastgrad (%),Drehmoment (N·m)", T, U, Y), encoding="cp1252"),
-    "Windows-1252 in the rows": Log(text("t [µs],duty,torque_nm,note", 1e6 * T, U, Y, ["größe"] * 300),
-                                    encoding="cp1252"),
     "signed and bare points": Log(text(HEADER, [f"+{t:.2f}".replace("+0", "+") for t in T], [f"{u:g}." for u in U], Y)),
     "no header": Log(text(None, T, U, Y), {"columns": {"time": "1", "input": "2", "output": "3"}}, units="? ?"),
     "brackets of a matrix, names of several words": Log(
@@ -80,7 +77,6 @@ LOGS = {
     "a countdown and a lap time beside the time": Log(
         text("time_s,left [s],lap [ms],duty_pct,torque_nm", T, 9 - T, 1e3 * (T % 0.5), U, Y)),
     "blank lines above the header": Log("\n\n" + text(HEADER, T, U, Y)),
-    "comments": Log("# rig 3\n% made by hand\n// today\n" + text(HEADER, T, U, Y)),
     "a header in a comment": Log("# note: x\n" + text("# " + HEADER, T, U, Y)),
     "comments and blank lines inside": Log(text(HEADER, T, U, Y).replace("\n1.5,", "\n# pause\n\n1.5,")),
     "facts above": Log("Rig;3\nOperator;Jo\n\n" + text(HEADER, T, U, Y, between=";")),
@@ -90,14 +86,12 @@ LOGS = {
     "a row of units, one of them unknown": Log(text("time,temp,duty,torque,deflection\ns,°C,%,Nm,mV/V", T, T + 20, U, Y,
                                                     Y)),
     "a row of units with a gap": Log(text("time_s,duty,torque\n,%,Nm", T, U, Y)),
-    "units in names": Log(text("Time [s],Duty cycle (%),Torque {N·m}", T, U, Y)),
     "names called like units": Log(text("s,V,Nm", T, U, Y), {"columns": {"output": "3"}}, "utf-8", "V ?",
                                   code="unit-unknown"),
     "names in quotes": Log(text('"time_s","duty_pct","torque_nm"', *([f'"{x:.15g}"' for x in v] for v in (T, U, Y)))),
     "commas in names": Log('"Time, s","Duty, %","Torque, Nm"\n' + text(None, T, U, Y)),
     "a delimiter behind every row": Log(text(HEADER, T, U, Y).replace("\n", ",\n")),
     "a delimiter behind the rows only": Log(HEADER + "\n" + text(None, T, U, Y).replace("\n", ",\n")),
-    "an empty last column": Log(HEADER + ",note\n" + text(None, T, U, Y).replace("\n", ",\n")),
     "an index": Log(text("idx," + HEADER, range(300), T, U, Y)),
     "other order, other columns": Log(text("torque_nm,temperature,note,time_s,duty_pct", Y, 21.5 + 0 * T, ["ok"] * 300,
                                            T, U)),
@@ -109,8 +103,7 @@ LOGS = {
         clock("{h:02d}:{m:02d}:{s:05.2f}"))], U, Y).replace("23:59", "11:59").replace("\n00:", "\n12:"), units="% ?"),
     "stamps, decimal comma": Log(text("timestamp,duty,torque", clock("2024-02-{d} {h:02d}:{m:02d}:{s:05.2f}", mark=","),
                                       commas(U), commas(Y), between=";"), units="% ?"),
-    "stamps, day first": Log(text("time,duty,torque_nm", clock("{d}.02.2024 {h:02d}:{m:02d}:{s:05.2f}"), U, Y)),
-    "stamps, month first": Log(text("time,duty,torque_nm", clock("02/{d}/2024T{h:02d}:{m:02d}:{s:05.2f}Z"), U, Y)),
+
     "the end of summer time": Log(text("time,duty,torque_nm", [
         f"2024-10-27 {x}+02:00" if i < 200 else f"2024-10-27 {x}+01:00" for i, x in enumerate(
             [*clock(start=10798.0)[:200], *clock(start=7198.0)[200:]])], U, Y)),
@@ -119,14 +112,11 @@ LOGS = {
                                          {"columns": {"time": "sample"}, "rate_hz": 100.0}),
     "zeros behind the last row": Log(text(HEADER, T, U, Y) + "\0" * 3000),
     "settings above a shorter table": Log("".join(f"k{k};{k}\n" for k in range(320)) + text(HEADER, T, U, Y)),
-    "two rows of numbers above": Log("a,b\n1,2\n3,4\n\n" + text(HEADER, T, U, Y)),
     "rows of numbers in comments": Log("# 1,2\n# 3,4\n# 5,6\n# 7,8\n" + text(HEADER, T, U, Y)),
     "words for the valve": Log(text("time_s,valve,torque_nm", T, ["ON" if u else "-" for u in U], Y), input=np.nan * T,
                                units="? N·m"),
     "decimal comma, units row, kV and mN·m": Log(text("Zeit,Spannung,Drehmoment\nms,kV,mN·m", commas(1e3 * T),
                                                       commas(U / 1e3), commas(1e3 * Y), between=";"), units="V N·m"),
-    "a scope's export": Log(text("Source,CH1,CH2\nSecond,Volt,Volt", *([f"{x:+.6e}" for x in v] for v in (T, U, Y))),
-                            {"columns": {"input": "CH1", "output": "CH2"}}, units="V V"),
     "labels of a serial plotter": Log(
         "logger v1\nready\n" + text(None, [f"t:{t:g}" for t in T], [f"duty:{u:g}" for u in U],
                                      [f"torque:{y:.15g}" for y in Y]), units="% ?"),
@@ -239,8 +229,7 @@ def test_stamps(stamps, seconds, read):
         np.testing.assert_allclose(read(log).time_s, seconds, atol=1e-9)
 
 
-@pytest.mark.parametrize("size", [40, 41, 55, 97, 500])
-@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(("size", "end"), [(40, "\n"), (41, "\r\n"), (55, "\r\n"), (97, "\r"), (500, "\r\n")])
 def test_pieces_of_whole_lines(end, size, read, monkeypatch):
     """However long the blocks are that are read, nothing is lost, and every bad cell is told by its own row."""
     monkeypatch.setattr(text_logs, "PIECE", size)
@@ -254,10 +243,9 @@ def test_pieces_of_whole_lines(end, size, read, monkeypatch):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("digits", [15, 16, 19])
-def test_whole_numbers_of_many_digits_stay_whole(digits, read):
+def test_whole_numbers_of_many_digits_stay_whole(read):
     """A stamp of 1.7e18 ns has more digits than a float."""
-    first = 17 * 10 ** (digits - 2)
+    first = 17 * 10**17
     run = read(text("time,duty,torque_nm", [str(first + k) for k in range(1, 40)], U[81:120], Y[81:120]),
                units={"time": "ns"})  # fmt: skip
     np.testing.assert_allclose(run.time_s, 1e-9 * np.arange(39), rtol=1e-12)

@@ -228,16 +228,6 @@ def test_a_log_that_comes_again_counts_once_and_names_are_told_apart(tmp_path, c
     assert (first.name, other.name, list(codes(first))) == ("a", "c", ["run-given-twice"])
 
 
-def test_reading_options_are_kept_for_doing_it_again(read, tmp_path):
-    options = {"columns": "time=Zeit,output=Moment", "units": "time=ms,output=Nm,input=%", "name_pattern": "_u{level}_",
-               "step_at": 2.0}  # fmt: skip
-    (tmp_path / "log_u60_.csv").write_text(text("Zeit,x,Moment", 1e3 * T, 0 * T, Y))
-    steps = eaid.read(tmp_path / "log_u60_.csv", **options)
-    again = eaid.read(tmp_path / "log_u60_.csv", **steps.reading)
-    assert set(steps.reading) == set(options) and again.reading == steps.reading
-    assert ([one.level for one in again.levels], again.steps[0].step_s) == ([60.0], 2.0)
-
-
 NAMES = {"20241103_V={u}_run{k}": "_V={level}_", "run{k}_{u}V": "run{repeat}_{level}V", "u{u}_{k}": "u{level}_"}
 
 
@@ -327,17 +317,6 @@ def test_what_one_reading_option_mends_is_asked_before_any_fit(run_eaid, tmp_pat
     assert ran.code == 0 and "fraction of 1" not in ran.err and "held   at 90 %" in ran.out
 
 
-@pytest.mark.parametrize(
-    ("names", "pattern"),
-    [
-        (["16_18_17_V=250", "16_19_01_V=250"], "_V={level}"), (["V=250_r1", "V=250_r2"], "V={level}_"),
-        (["5V_u20", "5V_u40"], "_u{level}"), (["u250_run1", "u250_run2"], ""), (["a_5", "a_6"], ""),
-    ],
-)  # fmt: skip
-def test_a_level_that_all_names_share_is_proposed_beside_a_unit_and_the_number_of_a_run_never(names, pattern):
-    assert pattern_guessed(names) == pattern
-
-
 def bench(folder, levels=(40, 60, 80), until_s=7.0):
     """Logs without an input: a relay that the drive switches to and fro from 2 s on, a stage that starts with it."""
     rng = np.random.default_rng(5)
@@ -422,14 +401,6 @@ def test_counts_up_to_255_are_proposed_with_all_else_that_is_missing(tmp_path, r
     assert "--units time=ms,input=/255" in proposed
     assert run_eaid(*shlex.split(proposed.removeprefix("try: eaid "))).code == 0
     assert [one.level for one in eaid.read("data.h5").levels] == pytest.approx([100 / 3, 200 / 3, 100])
-
-
-@pytest.mark.parametrize(("column", "warned"), [("HV Monitor [V]", False), ("stage speed [mm/s]", True)])
-def test_a_monitor_of_the_voltage_does_not_load_the_output(column, warned, tmp_path):
-    log = text(f"time_s,{column},force_n", T, 0.3 * (T >= 1), 2 * np.where(T < 1, 0, 1 - np.exp(1 - T)))
-    (tmp_path / "a_300V.csv").write_text(log)
-    run = eaid.read(tmp_path, name_pattern="{level}V", step_at=1.0).runs[0]
-    assert ("moves-with-step" in {one.code for one in run.findings}) is warned
 
 
 @pytest.mark.parametrize(("column", "warned"), [("voltage", False), ("velocity", True)])
@@ -524,3 +495,22 @@ def test_the_column_that_drives_by_its_unit_is_proposed_before_levels_of_the_nam
     assert 'input="HV (V)"' in proposed and "name-pattern" not in proposed
     assert run_eaid(*shlex.split(proposed.removeprefix("try: eaid "))).code == 0
     assert eaid.load("fit.json").data.levels == (80.0, 240.0, 400.0)
+
+
+@pytest.mark.parametrize(("column", "warned"), [("HV Monitor [V]", False), ("stage speed [mm/s]", True)])
+def test_a_monitor_of_the_voltage_does_not_load_the_output(column, warned, tmp_path):
+    log = text(f"time_s,{column},force_n", T, 0.3 * (T >= 1), 2 * np.where(T < 1, 0, 1 - np.exp(1 - T)))
+    (tmp_path / "a_300V.csv").write_text(log)
+    run = eaid.read(tmp_path, name_pattern="{level}V", step_at=1.0).runs[0]
+    assert ("moves-with-step" in {one.code for one in run.findings}) is warned
+
+
+@pytest.mark.parametrize(
+    ("names", "pattern"),
+    [
+        (["16_18_17_V=250", "16_19_01_V=250"], "_V={level}"), (["V=250_r1", "V=250_r2"], "V={level}_"),
+        (["5V_u20", "5V_u40"], "_u{level}"), (["u250_run1", "u250_run2"], ""), (["a_5", "a_6"], ""),
+    ],
+)  # fmt: skip
+def test_a_level_that_all_names_share_is_proposed_beside_a_unit_and_the_number_of_a_run_never(names, pattern):
+    assert pattern_guessed(names) == pattern

@@ -156,14 +156,11 @@ def files(tmp_path_factory):
     """Name → file: data, fits, gains and replays of small synthetic sets."""
     folder = tmp_path_factory.mktemp("results")
     made = {}
-    sets = {
-        "clutch": ("20,40,60,80,100", "20", "50", "4"),
-        "friction-force": ("17,51,85,119,153,170", "30", "50", "0"),
-        "friction-speed": ("5,10,15,25,40", "30", "50", "0"),
-    }
-    for kind, (levels, hold, rate, release) in sets.items():
+    sets = {"clutch": ("20,40,60,80,100", "20", "4"), "friction-force": ("17,51,85,119,153,170", "30", "0"),
+            "friction-speed": ("5,10,15,25,40", "30", "0")}  # fmt: skip
+    for kind, (levels, hold, release) in sets.items():
         data, fit = folder / f"{kind}.h5", folder / f"{kind}.json"
-        how = ["--levels", levels, "--repeats", "2", "--hold", hold, "--idle", "2", "--rate-hz", rate]
+        how = ["--levels", levels, "--repeats", "2", "--hold", hold, "--idle", "2", "--rate-hz", "50"]
         assert call("synth", "--kind", kind, *how, "--release", release, "-o", data, "-q") == 0
         assert call("fit", data, "-o", fit, "-q") == 0
         made |= {f"{kind}.h5": data, f"{kind}.json": fit}
@@ -192,7 +189,7 @@ def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded")
     logs = [folder / kind for kind in ("random", "staircase", "chirp", "closed-loop")]
     for seed, log in enumerate(logs):
-        shape = ["--shape", "duration_s=60", "--rate-hz", "100", "--seed", seed]
+        shape = ["--shape", "duration_s=40", "--rate-hz", "50", "--seed", seed]
         assert call("synth", "--excitation", log.name, *shape, "-o", log, "-q") == 0
     assert call("fit", *logs, "-o", folder / "recorded.json", "-q") in (0, 4)
     return folder / "recorded.json"
@@ -226,9 +223,8 @@ def long():
         fit, data, gains, replay = made
         assert call("ingest", logs, "-o", data, "-q") == 0 and call("fit", data, "-o", fit, "-q") in (0, 4)
         assert call("tune-rc", fit, "--anyway", "-o", gains, "-q") == 0
-        assert (
-            call("simulate", fit, "--gains", gains, "--scenario", "steps", "--duration", "9", "-o", replay, "-q") == 0
-        )
+        words = ("--scenario", "steps", "--duration", "9", "-o", replay, "-q")
+        assert call("simulate", fit, "--gains", gains, *words) == 0
         yield made
 
 

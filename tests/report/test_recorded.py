@@ -23,7 +23,7 @@ def logs(recorded, report):
 def test_logs_as_recorded_are_on_the_page(logs):
     model = logs.html.split('<section id="model">')[1].split("</section>")[0]
     assert model.index('id="recorded_logs"') < model.index("<h3>Logs fitted as recorded</h3>") < model.index("<details")
-    assert "4 logs as recorded, 240 s" in logs.chips
+    assert "4 logs as recorded, 159.9 s" in logs.chips
     assert logs.html.count('class="picture"') == 2 and "three are drawn" in logs.captions["recorded_logs"]
 
 

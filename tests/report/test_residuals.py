@@ -31,8 +31,8 @@ def test_correlations_by_hand_and_their_bands():
 def log(path, seed, wn=6.0):
     """A plant that rings under steps of the duty: ÿ = ω² (0.05 u − y) − 2 ζ ω ẏ, at 50 Hz."""
     rng = np.random.default_rng(seed)
-    u, dt, zeta = np.repeat(rng.choice([20.0, 40.0, 60.0, 80.0], 15), 100), 0.02, 0.25
-    u[:100], x, y = 0.0, np.zeros(2), np.zeros(1500)
+    u, dt, zeta = np.repeat(rng.choice([20.0, 40.0, 60.0, 80.0], 15), 60), 0.02, 0.25
+    u[:60], x, y = 0.0, np.zeros(2), np.zeros(900)
     for i in range(1, len(u)):
         for _ in range(20):
             x = x + dt / 20 * np.array([x[1], wn**2 * (0.05 * u[i - 1] - x[0]) - 2 * zeta * wn * x[1]])

@@ -69,13 +69,6 @@ def test_what_a_replay_holds_is_checked(tmp_path, head, columns, says, run_eaid,
     assert ran.code == 3 and says in ran.err and not (tmp_path / "out").exists()
 
 
-def test_results_in_memory_make_the_figures_of_their_files(files, tmp_path, report):
-    eaid.report([eaid.load(files["clutch.json"])], tmp_path / "memory", figures=("model_over_duty",))
-    assert names_in(tmp_path / "memory") == ["figures/model_over_duty.png", "report.html"]
-    other = report(files["clutch.json"], "--figures", "model_over_duty").path.parent / "figures/model_over_duty.png"
-    assert (tmp_path / "memory/figures/model_over_duty.png").read_bytes() == other.read_bytes()
-
-
 def test_figures_for_papers_hold_their_fonts_and_what_was_made_is_named(files, tmp_path, run_eaid):
     out, figure = tmp_path / "deep/report", tmp_path / "deep/report/figures/fig04_friction_over_stress"
     words = ["report", files["friction-force.json"], "-o", out, "--figures", "fig04", "--format", "pdf,svg"]

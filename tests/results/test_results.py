@@ -70,7 +70,6 @@ REFUSED: dict[str, tuple[Any, str]] = {
     "gains without a model": ('{"schema": "eaid/gains/1"}', "has no model"),
     "nested without end": ("{" * 5000, "is not a JSON file"),
     "NaN": ('{"linear": {"a0": NaN}}', "it holds NaN, which is no finite number"),
-    "an infinite number": ('{"linear": {"a0": 1e999}}', "it holds 1e999, which is no finite number"),
     "a plan": ('{"schema": "eaid/plan/1"}', "is a plan.json"),
     "another schema": ('{"schema": "eaid/fit/99"}', "make it again with this version"),
 }  # fmt: skip
@@ -87,12 +86,9 @@ def test_a_file_that_is_refused(case, tmp_path, run_eaid):
 
 
 def test_what_is_absent_costs_its_part_only(tmp_path, run_eaid):
-    content = {
-        "linear": {"a0": 1, "b0": 0.1, "c0": None},
-        "friction": {"levels": [{"level": 10}, {"level": 20, "Ts": 1, "tau1": 0.1, "tau2": 2}], "trends": []},
-        "nonlinear": "",
-        "seed": None,
-    }
+    levels = [{"level": 10}, {"level": 20, "Ts": 1, "tau1": 0.1, "tau2": 2}]
+    content = {"linear": {"a0": 1, "b0": 0.1, "c0": None}, "friction": {"levels": levels, "trends": []},
+               "nonlinear": "", "seed": None}  # fmt: skip
     path = written(tmp_path, content)
     fit = eaid.load(path)
     assert fit.linear is None and [row.level for row in fit.friction.levels] == [20.0]
@@ -100,18 +96,9 @@ def test_what_is_absent_costs_its_part_only(tmp_path, run_eaid):
     assert "its friction.levels[0] has no Ts and is left out" in told and "its linear has no c0 and is left out" in told
 
 
-def test_what_a_script_needs_to_write(tmp_path):
-    model = {"C": 0.85, "tau1": [0.1, 0, 0], "tau2": [4, 0, 0], "Ts": [0, 0.04, 0, 0], "u_range": [10, 100]}
-    fit = eaid.load(written(tmp_path, {"nonlinear": model}))
-    found = fit.nonlinear
-    assert (found.C, found.tau1, found.Ts, found.u_range) == (0.85, (0.1, 0, 0), (0, 0.04, 0, 0), (10, 100))
-    torque = [0.0, 2 * (1 - 0.85 * 0.36787944 - 0.15 * 0.97530991), 2.0]  # e^-1, e^-0.025
-    assert fit.predict(50.0, [0.0, 0.1, 1e3]).iloc[:, 0].tolist() == pytest.approx(torque)
-
-
 def test_a_plant_of_another_kind_is_known_by_its_own_numbers():
     """A mass on a spring by SciPy, 3/(s² + 0.6 s + 1): gain 3, ω 1, ζ 0.3, at every input."""
-    t, logs, rng = np.arange(0.0, 30.0, 0.02), {}, np.random.default_rng(5)
+    t, logs, rng = np.arange(0.0, 30.0, 0.05), {}, np.random.default_rng(5)
     for u in (2.0, 5.0, 8.0):
         for k in range(2):
             held = (t >= 2) * u

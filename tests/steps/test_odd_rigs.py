@@ -42,12 +42,9 @@ def named(**columns: str) -> tuple[str, ...]:
     return ("--columns", ",".join(f"{role}={column}" for role, column in columns.items()))
 
 
-T14, T20, T30, HEAT, FAN = clock(14), clock(20), clock(30), clock(900, 1), clock(600, 2)
+T14, T30, HEAT = clock(14), clock(30), clock(900, 1)
 QUICK = clock(12, 500)
-STAIRS = clock(32)
-LEVELS = np.select([STAIRS < 8, STAIRS < 16, STAIRS < 24], [80.0, 50.0, 30.0], 10.0)
 S = np.maximum(T14 - 3, 0)
-LAMP = np.select([T20 < 4, T20 < 9, T20 < 14], [0, 50, 100], 200.0)
 RIGHT: dict[str, tuple[Mapping[str, Any], tuple[str, ...], dict[str, float]]] = {
     "a motor whose idle wanders": (
         {"time_s": T30, "pwm_pct": on(12, 60, T30),
@@ -60,40 +57,16 @@ RIGHT: dict[str, tuple[Mapping[str, Any], tuple[str, ...], dict[str, float]]] = 
     "a heater that is on from the first row": (
         {"Time": HEAT, "Q1": 50 + 0 * HEAT, "T1": np.round(20.6 - 31 * np.expm1(-HEAT / 140), 2)},
         (*named(input="Q1", output="T1"), "--units", "input=%,output=°C"), {"change": 31, "tau1": 140, "start": 20.6}),
-    "a fan that cools": (
-        {"time_s": FAN, "fan_pct": on(60, 80, FAN), "temp": 60 - 25 * rise(FAN - 60, 40, 200) + white(1200, 0.05)},
-        (*named(input="fan_pct", output="temp"), "--units", "output=°C"), {"change": -25, "tau1": 40}),
-    "a propeller with ripple, in ms": (
-        {"time_ms": 1000 * QUICK, "throttle_pct": on(3, 70, QUICK),
-         "thrust_N": 4.2 * rise(QUICK - 3, 0.15, 0.9) * (1 + 0.05 * np.sin(120 * np.pi * QUICK)) + white(6000, 0.05)},
-        named(input="throttle_pct", output="thrust_N"), {"change": 4.2, "tau1": 0.15}),
     "a trigger, the level in the name run_150V.csv": (
         {"time_s": T, "trigger": on(3, 1, T), "torque_Nm": STEP + white(1200, 0.01)}, ("--name-pattern", "_{level}V"),
         TRUTH | {"level": 150}),
-    "ADC counts": (
-        {"time_s": T, "pwm": on(3, 128, T), "adc": np.round(512 + 150 * STEP + white(1200, 1.0))},
-        (*named(input="pwm", output="adc"), "--units", "input=/255"), {"change": 300, "tau1": 0.3}),
-    "a load cell in grams": (
-        {"time_s": T, "voltage_V": on(3, 200, T), "Load Cell [g]": 250 * STEP + white(1200, 1)}, (),
-        {"change": 0.5 * 9.80665, "tau1": 0.3}),
     "it begins under load and is let go": (
         {"time_s": T, "duty_pct": 60 - on(5, 60, T), "torque_Nm": 2 - 2 * rise(T - 5, 0.1, 0.8) + white(1200, 0.01)},
         (), {"change": -2.0, "tau1": 0.1}),
-    "80 steps of the sensor": (plain(np.round(STEP * 40) / 40, 0.0), (), TRUTH),
-    "an output that is 0.4 s late": (plain(2 * rise(T - 3.4), 0.005), (), TRUTH | {"dead_time_s": 0.4}),
-    "a staircase down": (
-        {"time_s": STAIRS, "duty_pct": LEVELS, "torque_Nm": 3.2 - 1.2 * rise(STAIRS - 8) - 0.8 * rise(STAIRS - 16)
-         - 0.8 * rise(STAIRS - 24) + white(3200, 0.005)},
-        ("--logs-as", "steps"), {"change": -1.2, "tau1": 0.3, "from": 80.0}),
-    "wires changed over": (plain(0.4 - STEP), (), {"change": -2.0, "tau1": 0.3}),
+
     "hum of 50 Hz": (
         {"time_s": QUICK, "duty_pct": on(3, 60, QUICK),
          "torque_Nm": 2 * rise(QUICK - 3) + 0.1 * np.sin(100 * np.pi * QUICK + 0.5) + white(6000, 0.005)}, (), TRUTH),
-    "a lamp on a staircase": (
-        {"t": T20, "pwm": LAMP, "volt_out": 1.5 * rise(T20 - 4, 0.05, 0.4) + 0.5 * rise(T20 - 9, 0.05, 0.4)
-         + 0.7 * rise(T20 - 14, 0.05, 0.4) + white(2000, 0.003)},
-        (*named(time="t", input="pwm", output="volt_out"), "--units", "input=/255,output=V"),
-        {"change": 1.5, "tau1": 0.05, "level": 50 / 2.55}),
     "a rest at 1 V": (
         {"time_s": T14, "voltage_V": 1 + on(4, 4, T14), "torque_Nm": 1 + 2 * rise(T14 - 4) + white(1400, 0.01)}, (),
         TRUTH | {"from": 1.0, "gain": 0.5}),

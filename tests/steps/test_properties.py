@@ -1,7 +1,5 @@
 """What is found depends on no unit, offset, clock, name, order or rate; stop findings on random good and bad logs."""
 
-from typing import Any
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,12 +9,10 @@ from hypothesis import strategies as st
 from benchmarks.stop_findings import BAD, false_alarms, good, misses
 from eaid.errors import DataError
 
-from .make import INPUTS, curve, log, read, told
+from .make import INPUTS, log, read
 
 KINDS = [kind for kind in BAD if kind not in ("level-contradicts-input", "shape-explains-little")]
 """Those whose logs say no level of their own, and those that no fit is needed for."""
-
-
 OF_SIZE = ("signs-turned", "torque-too-large")
 """Findings about the sign of the output, and about N·m that no rig has."""
 
@@ -43,46 +39,19 @@ def said(logs: dict[str, pd.DataFrame]) -> list[tuple[str, str]]:
     return sorted((one.code, one.subject) for one in found if one.code not in OF_SIZE)
 
 
-def changed(logs: dict[str, pd.DataFrame], column: str, change: Any) -> dict[str, pd.DataFrame]:
-    return {name: frame.assign(**{column: change(frame[column])}) for name, frame in logs.items()}
-
-
-CHANGES = {
-    "a smaller unit of the output": lambda logs: changed(logs, "torque_nm", lambda y: y * 2.0**-13),
-    "a larger one": lambda logs: changed(logs, "torque_nm", lambda y: y * 2.0**13),
-    "an output inverted": lambda logs: changed(logs, "torque_nm", lambda y: -y),
-    "a clock that starts elsewhere": lambda logs: changed(logs, "time_s", lambda t: t + 4096.0),
-    "another order of logs": lambda logs: dict(reversed(logs.items())),
-}
-
-
-@pytest.mark.parametrize("change", CHANGES)
 @pytest.mark.parametrize("kind", ["good", *KINDS])
-def test_what_is_told_depends_on_none_of_these(kind: str, change: str) -> None:
-    if (kind, change) == ("several-edges", "a clock that starts elsewhere"):
-        pytest.skip("its sentence names instants")
-    logs = made(kind, 5)
-    assert said(CHANGES[change](logs)) == said(logs)
+def test_what_is_told_depends_on_no_unit_sign_clock_or_order(kind: str) -> None:
+    """A larger unit of the output, which is inverted, a clock that starts elsewhere, another order of the logs."""
+    logs, shift = made(kind, 5), 0.0 if kind == "several-edges" else 4096.0  # its sentence names instants
+    for factor in (-(2.0**13), 2.0**-13):
+        other = {
+            name: frame.assign(torque_nm=factor * frame.torque_nm, time_s=frame.time_s + shift)
+            for name, frame in reversed(logs.items())
+        }
+        assert said(other) == said(logs)
 
 
-@pytest.mark.parametrize("kind", ["good", "not-at-rest", "step-in-gap", "spikes", "sensor-stuck"])
-def test_nor_on_an_offset_of_the_output(kind: str) -> None:
-    logs = made(kind, 6)
-    size = 2.0 ** round(np.log2(np.ptp(next(iter(logs.values())).torque_nm)))
-    assert said(changed(logs, "torque_nm", lambda y: y - 3 * size)) == said(logs)
-
-
-@pytest.mark.parametrize("rate_hz", [50.0, 1000.0, 8000.0])
-def test_the_rate_changes_no_step(rate_hz: float) -> None:
-    (run, release) = (steps := read(log([(0, 2), (50, 6), (0, 6)], rate_hz=rate_hz, offset=0.25))).runs
-    assert (run.step_s, release.step_s, run.baseline_nm) == pytest.approx((2.0, 8.0, 0.25))
-    assert run.rate_hz == pytest.approx(rate_hz)
-    (level,) = steps.levels
-    np.testing.assert_allclose(level.mean, 2 * curve(level.time_s), atol=1e-9)
-    assert told(steps) == []
-
-
-@settings(max_examples=20, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(
     levels=st.lists(st.sampled_from([10.0, 25.0, 50.0, 75.0, 100.0]), min_size=1, max_size=4),
     holds=st.lists(st.integers(12, 90), min_size=8, max_size=8),

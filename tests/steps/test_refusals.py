@@ -48,9 +48,8 @@ def test_a_log_that_is_refused(case: str) -> None:
 
 def test_two_rigs_are_not_fitted_together(tmp_path: Path) -> None:
     for surfaces in (1, 2):
-        read(
-            {f"u{surfaces}": log([(0, 4), (50, 8)], noise=0.01, seed=surfaces)}, apparatus=f"surfaces={surfaces}"
-        ).save(tmp_path / f"{surfaces}.h5")
+        made = {f"u{surfaces}": log([(0, 4), (50, 8)], noise=0.01, seed=surfaces)}
+        read(made, apparatus=f"surfaces={surfaces}").save(tmp_path / f"{surfaces}.h5")
     with pytest.raises(DataError, match="the datasets are of different rigs; fit them apart"):
         eaid.read(tmp_path)
     assert eaid.read(tmp_path, apparatus="surfaces=2").apparatus.surfaces == 2

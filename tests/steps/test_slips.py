@@ -84,15 +84,6 @@ def test_each_stroke_is_a_step_of_its_own(noise: float) -> None:
         assert run.slip.unit == "mm"
 
 
-def test_a_stroke_without_a_peak_slips_too() -> None:
-    assert all(run.slip is not None for run in cut(strokes()).runs)
-
-
-def test_the_level_of_strokes_from_the_file_name() -> None:
-    frame = strokes().drop(columns="pressure_bar")
-    assert [level.level for level in cut(frame, "p7bar", name_pattern="p{level}bar").levels] == [7.0]
-
-
 @pytest.mark.parametrize("noise", [0.0, 1e-3])
 def test_positions_that_do_not_turn(noise: float) -> None:
     frame = strokes()

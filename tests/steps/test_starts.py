@@ -16,6 +16,7 @@ from eaid.options import FitOptions
 from eaid.shapes.delay import dead_time_of
 from eaid.steps.stepset import Level, StepSet
 
+from ..conftest import codes
 from .make import log, plus, read, told, white, with_input, without_input
 
 T = np.arange(800) / 100
@@ -24,7 +25,6 @@ QUIET = [0.0, 0.01]
 IDLES: dict[str, tuple[Any, float, float]] = {
     "flat": (0.3 + 0 * T, 0.3, 1e-3),
     "it wandered, as a motor's": (np.where(T < 1.5, 0.0, np.minimum(1.3 * (T - 1.5) / 0.3, 1.3)), 1.3, 0.005),
-    "it wandered, and rests in its last eighth": (np.where(T < 3.3, 0.0, 1.3), 1.3, 0.005),
     "it slopes": (0.2 * T, 0.8, 0.015),
     "a spike": (np.where(np.arange(800) == 150, 1000.0, 0.0), 0.0, 1e-3),
 }
@@ -42,12 +42,13 @@ def test_the_value_before_a_step_is_that_of_its_last_rest(idle: str, noise: floa
     assert not [one for one in steps.all_findings if one.severity == "stop"]
 
 
-def test_a_flat_idle_is_taken_whole_and_how_it_moved_is_known() -> None:
-    frame = plus(STEP, white(800, 0.01) + 2e-3 * (T > 2))
-    (step,) = read(frame).level_steps
-    assert step.start == pytest.approx(frame.torque_nm[:400].mean(), abs=1e-12)
-    assert step.rest_s == pytest.approx(4.0)
-    assert step.rest_moved == pytest.approx(frame.torque_nm[200:400].mean() - frame.torque_nm[:200].mean(), abs=1e-12)
+def test_how_long_a_rest_lasts_and_how_it_moved_is_known_and_a_fall_rests_for_a_twentieth_of_its_hold() -> None:
+    frame = plus(log([(0, 4), (50, 9), (0, 9)]), 2e-3 * (np.arange(2200) > 200) + white(2200, 1e-3))
+    up, down = read(frame).level_steps
+    idle = frame.torque_nm[:400]
+    assert up.rest_s == pytest.approx(4.0) and down.rest_s == pytest.approx(0.45)
+    assert up.start == pytest.approx(idle.mean(), abs=1e-12)
+    assert up.rest_moved == pytest.approx(idle[200:].mean() - idle[:200].mean(), abs=1e-12)
 
 
 def test_behind_a_hold_the_last_quarter_and_one_sample_is_the_rest() -> None:
@@ -66,21 +67,6 @@ def test_each_step_has_its_own_rest_and_a_release_that_of_its_rise() -> None:
     assert runs["a-release-2"] == runs["a-2"]
     first = read(frame, baseline="first").runs
     assert first[1].baseline_nm == first[0].baseline_nm
-
-
-def test_a_fall_starts_where_it_was_held() -> None:
-    up, down = read(log([(0, 2), (50, 9), (0, 9)], offset=0.5)).level_steps
-    assert (up.edge, down.edge) == ("up", "down")
-    assert (up.start, up.change, down.start, down.change) == pytest.approx((0.5, 2.0, 2.5, -2.0), abs=0.002)
-    assert down.rest_s == pytest.approx(0.45)  # a twentieth of the hold
-
-
-def test_a_log_that_starts_at_its_step() -> None:
-    """20.63 °C at first, 31.1 more at the end: what comes before is not known to be 0."""
-    frame = with_input(log([(50, 6)]), 50.0).assign(time_s=np.arange(600.0))
-    steps = read(frame.assign(torque_nm=np.round(20.63 - 31.1 * np.expm1(-frame.time_s / 150), 2)))
-    assert steps.runs[0].baseline_nm == pytest.approx(20.63, abs=1e-9)
-    assert steps.levels[0].mean[-1] == pytest.approx(31.1, abs=0.6)
 
 
 def test_the_first_samples_of_a_noisy_record_by_a_line() -> None:
@@ -110,8 +96,7 @@ def test_a_capture_that_begins_with_its_step_and_ends_released(late: int) -> Non
 
 
 @pytest.mark.parametrize(
-    ("text", "value"),
-    [("none", 0.0), ("0.25", 0.25), ("-0.5", -0.5), ("FIRST", 0.4), ("-2:-1", 0.25), ("auto", 0.375), ("0.5:1", 2.4)],
+    ("text", "value"), [("none", 0.0), ("-0.5", -0.5), ("FIRST", 0.4), ("-2:-1", 0.25), ("auto", 0.375), ("0.5:1", 2.4)]
 )
 def test_what_the_user_says_of_the_baseline(text: str, value: float) -> None:
     """An output that is 0.1 t before the step at 4 s, and 2 N·m more behind it."""
@@ -124,16 +109,12 @@ def test_what_the_user_says_of_the_baseline(text: str, value: float) -> None:
 def test_windows_that_hold_nothing() -> None:
     with pytest.raises(UsageError, match="baseline= 2:1: FROM must be below TO"):
         read(STEP, baseline="2:1")
-    with pytest.raises(
-        DataError, match="baseline= -20:-10 holds no sample of a, which runs from -4 to 3.99 s relative"
-    ):
+    said = "baseline= -20:-10 holds no sample of a, which runs from -4 to 3.99 s relative"
+    with pytest.raises(DataError, match=said):
         read(STEP, baseline="-20:-10")
 
 
-@pytest.mark.parametrize(
-    ("rows", "code"),
-    [(-5, "input-late"), (-3, "input-late"), (-2, "input-late"), (0, ""), (2, "dead-time"), (5, "dead-time")],
-)
+@pytest.mark.parametrize(("rows", "code"), [(-5, "input-late"), (-2, "input-late"), (0, ""), (2, "dead-time")])
 def test_an_input_noted_early_or_late_is_told_and_biases_nothing(rows: int, code: str) -> None:
     """Rows of 10 ms by which the output begins late: two of them once made τ1 5 and τ2 8 % wrong in silence."""
     time = np.arange(0, 17, 0.01)
@@ -173,9 +154,7 @@ def levels_of(share: float, theta_s: float, noise: float, runs: int, seed: int =
     return StepSet("clutch", "V", "N", Apparatus(), tuple(made))
 
 
-@pytest.mark.parametrize(
-    ("theta_s", "noise", "runs"), [(0.05, 0.03, 3), (0.1, 0.05, 3), (0.05, 0.03, 1), (0.0, 0.05, 3)]
-)
+@pytest.mark.parametrize(("theta_s", "noise", "runs"), [(0.1, 0.05, 3), (0.05, 0.03, 1), (0.0, 0.05, 3)])
 def test_noise_hides_no_dead_time_and_makes_none(theta_s: float, noise: float, runs: int) -> None:
     """It was 0 for 0.05 s and 0.17 for 0.1: a PI told 42 dB had 5.6."""
     fit = eaid.fit(levels_of(0.85, theta_s, noise, runs))
@@ -184,10 +163,9 @@ def test_noise_hides_no_dead_time_and_makes_none(theta_s: float, noise: float, r
     assert low - 0.01 <= 0.5 <= high + 0.01
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_one_lag_keeps_its_dead_time_under_noise(seed: int) -> None:
+def test_one_lag_keeps_its_dead_time_under_noise() -> None:
     """Two exponentials made a jump of the first percents and a later start: 0.034 s (0.033 … 0.035) for 0.02."""
-    random, t, made = np.random.default_rng(seed), np.arange(0, 20, 0.004), []
+    random, t, made = np.random.default_rng(0), np.arange(0, 20, 0.004), []
     for u in np.linspace(20, 100, 8).tolist():
         gain, tau = 0.04 * u * (1 + 0.02 * random.normal(size=(3, 1))), 0.77 * np.exp(0.04 * random.normal(size=(3, 1)))
         runs = gain * -np.expm1(-np.maximum(t - 0.02, 0) / tau) + 0.03 * random.normal(size=(3, len(t)))
@@ -253,8 +231,7 @@ def blind_folder(release: bool, noise: float) -> dict[str, Any]:
     return logs
 
 
-@pytest.mark.parametrize("release", [False, True])
-@pytest.mark.parametrize("noise", [0.02, 0.2])
+@pytest.mark.parametrize(("release", "noise"), [(False, 0.02), (True, 0.2)])
 def test_each_log_without_an_input_has_an_instant_of_its_own(release: bool, noise: float) -> None:
     logs = blind_folder(release, noise)
     steps = read({name: frame for name, (frame, _) in logs.items()}, name_pattern="_V={level}_r{repeat}")
@@ -292,12 +269,11 @@ def test_a_dead_time_beside_another_share_is_found_in_noise_that_lasts() -> None
     assert fit.plant.dead_time_s == pytest.approx(0.06, abs=0.006) and abs(fit.plant.C - 0.7) < 0.01
 
 
-@pytest.mark.parametrize("late_s", [0.16, 0.2])
-def test_an_input_noted_late_by_a_good_part_of_the_rise_is_moved_by_all_of_it(late_s: float) -> None:
+def test_an_input_noted_late_by_a_good_part_of_the_rise_is_moved_by_all_of_it() -> None:
     """The search ended at half of that, for holds end as early, too: τ1 was 20 % and τ2 25 % short."""
-    fit = eaid.fit(runs_late_by(-late_s, 0.85, released=True))
+    fit = eaid.fit(runs_late_by(-0.2, 0.85, released=True))
     told = next(one.values for one in fit.findings if one.code == "input-late")
-    assert told["ms"] == pytest.approx(1e3 * late_s, abs=5) and fit.verdict.usable
+    assert told["ms"] == pytest.approx(200, abs=5) and fit.verdict.usable
     assert [row.tau1 for row in fit.friction_levels] == pytest.approx([0.4] * 4, rel=0.03)
     assert [row.tau2 for row in fit.friction_levels] == pytest.approx([4.0] * 4, rel=0.1)
 
@@ -319,14 +295,10 @@ def sampled_apart(rate_hz: int, in_phase: bool, seed: int = 1) -> dict[str, pd.D
     return logs
 
 
-@pytest.mark.parametrize("rate_hz", [10, 20])
-def test_a_slow_logger_notes_steps_half_a_row_late_and_the_fit_takes_them_as_they_acted(rate_hz: int) -> None:
+def test_a_slow_logger_notes_steps_half_a_row_late_and_the_fit_takes_them_as_they_acted() -> None:
     """τ1 of 0.4 s was 6 to 10 % short, τ2 up to 15, in intervals of half of that, without a word."""
-    off, sure = (eaid.fit(sampled_apart(rate_hz, one), model=("nonlinear",)) for one in (False, True))
-    late = {one.code: one.values for one in off.findings}["input-late"]
-    assert late["ms"] == pytest.approx(500 / rate_hz, rel=0.5) and "input-late" not in {
-        one.code for one in sure.findings
-    }
+    off, sure = (eaid.fit(sampled_apart(10, one), model=("nonlinear",)) for one in (False, True))
+    assert codes(off)["input-late"].values["ms"] == pytest.approx(50, rel=0.5) and "input-late" not in codes(sure)
     for fit in (off, sure):
         for u in (40.0, 60.0, 80.0):
             for name, true in (("Ts", 0.04 * u), ("tau1", 0.4), ("tau2", 6.0)):
@@ -339,10 +311,8 @@ def test_a_load_that_never_leaves_5_N_is_told_to_rest_there() -> None:
     """Half of the levels began too far from 0 to count as steps from rest, and only a note said so."""
     frames = {}
     for level, k in itertools.product((20.0, 40.0, 80.0, 160.0), range(2)):
-        frame = log([(0, 4), (level, 10)])
-        frames[f"N{level:g}_{k}"] = frame.rename(columns={"duty_pct": "force_n"}).assign(
-            force_n=np.where(frame.duty_pct > 0, level, 5.0), torque_nm=frame.torque_nm + white(1400, 0.002)
-        )
+        frame = plus(log([(0, 4), (level, 10)], "N"), white(1400, 0.002))
+        frames[f"N{level:g}_{k}"] = with_input(frame, np.maximum(frame.force_n, 5.0))
     steps = eaid.read(frames)
     (one,) = [each for each in steps.findings if each.code == "rests-elsewhere"]
     assert one.values["rest"] == pytest.approx(5.0) and len(steps.levels) < 4
