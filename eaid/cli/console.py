@@ -44,7 +44,11 @@ def aligned(rows: Sequence[Sequence[str]], numeric: Sequence[bool], width: int |
     if over > sum(widths) - sum(least):
         heads, *others = rows
         pairs = ([" ".join(pair).strip() for pair in zip(heads, row, strict=True) if pair[1] != "–"] for row in others)
-        return [part for row in pairs for part in textwrap.wrap(" · ".join(row), width or 0, subsequent_indent="  ")]
+        return [
+            part
+            for row in pairs
+            for part in textwrap.wrap(" · ".join(row), width or 0, subsequent_indent="  ", break_on_hyphens=False)
+        ]
     for _ in range(over):
         widest = max((k for k in range(len(widths)) if widths[k] > least[k]), key=lambda k: widths[k])
         widths[widest] -= 1
