@@ -7,6 +7,7 @@ from eaid.logs.units import UNKNOWN, unit_of
 from eaid.results.fit import Fit
 
 MEETS = ("tau2-meets-tau1", "tau1-floor")  # Constraints that hold two lags which are one
+OPEN = ("tau2-open", "taus-meet")  # Findings that name levels whose τ2 no log tells, beside those of a held parameter
 NEARLY_ALIKE = 2.5  # τ2 over τ1 up to which the two may be one
 MOST_PEAKS, ALIKE = 0.67, 2.0  # Of the single steps from rest; factor between the τ1 of those that one plant may have
 LITTLE_BY_LEVEL_PCT = 50.0  # Of every level by its own curve, below which another kind of plant is asked for
@@ -24,22 +25,36 @@ def asks_for_one_lag(result: Fit) -> bool:
 
 
 def never_slow(result: Fit) -> bool:
-    """Whether the slow lag has no end at any level, or of an output that no friction makes comes behind all records:
-    these show one lag, and T_s over C is seen nowhere."""
+    """Whether the slow lag has no end at any level, or of an output that no friction makes comes behind all records, or
+    at some is as good as the fast one and comes behind the records of the others: these show one lag, and T_s over C is
+    seen nowhere."""
     part, data = result.nonlinear, result.data
-    if part is None or any(row.ci95 is not None and row.ci95.tau2 is not None for row in part.curves):
+    if part is None or not (lags := lags_of_levels(result)):
         return False
-    beyond = all((row.tau2 or 0.0) > max(data.record_s, default=np.inf) for row in part.curves)
+    held = [one for one in result.findings if one.values.get("parameter") == "tau2" or one.code in OPEN]
+    unknown = {u for one in held for u in one.levels}
+    if len(unknown) < len(lags):
+        return False
+    longest_s = max(data.record_s, default=np.inf)
+    beyond, met = [tau2 > longest_s for _, tau2 in lags], [tau2 < NEARLY_ALIKE * tau1 for tau1, tau2 in lags]
     of_friction = data.output_unit == UNKNOWN or unit_of(data.output_unit).quantity in ("torque", "force")
     endless = any(one.values.get("constraint") == "tau2-endless" for one in result.findings)
-    return endless or (beyond and not of_friction)
+    alike = any(met) and all(far or near for far, near in zip(beyond, met, strict=True))
+    return endless or alike or (all(beyond) and not of_friction)
 
 
 def nearly_alike(result: Fit) -> bool:
     """Whether the two lags of the model are as good as one at most levels: a single one that goes with the input."""
-    rows = [] if result.nonlinear is None else result.nonlinear.curves
-    known = [row.tau2 / row.tau1 for row in rows if row.tau1 and row.tau2]
-    return bool(known) and median(known) < NEARLY_ALIKE
+    lags = lags_of_levels(result)
+    return bool(lags) and median([tau2 / tau1 for tau1, tau2 in lags]) < NEARLY_ALIKE
+
+
+def lags_of_levels(result: Fit) -> list[tuple[float, float]]:
+    """τ1 and τ2 of the model at its levels."""
+    if (part := result.nonlinear) is None:
+        return []
+    tau1, tau2 = part.parameters.time_constants(np.array([row.level for row in part.per_level]))
+    return [(one, two) for one, two in zip(tau1.tolist(), tau2.tolist(), strict=True) if one > 0]
 
 
 def asks_for_another_kind(result: Fit) -> bool:

@@ -124,8 +124,8 @@ def fit_clutch_form(experiment: Experiment) -> Chosen:
 
 
 def with_own_falls(base: Solved, experiment: Experiment) -> Solved:
-    """The fit with numbers of their own of all falls that the inputs tell; itself where they tell none."""
-    names = list_tests(base.setup, experiment.inputs.stepwise, free=True) if experiment.falls else ()
+    """The fit with numbers of their own of all falls that held inputs tell; itself where they tell none."""
+    names = list_tests(base.setup, True, free=True) if experiment.falls and experiment.inputs.stepwise else ()
     return fit_with_falls(base, names) if names else base
 
 
