@@ -3,6 +3,7 @@
 import contextlib
 import ctypes
 import itertools
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -76,16 +77,16 @@ def median(values: ArrayLike) -> float:
     return float(largest if np.isnan(largest) else middle if part.size % 2 else 0.5 * (part[:half].max() + middle))
 
 
-def extremes(rows: Array, stretches: int) -> NDArray[np.intp]:
-    """Samples at which one of the rows, (k, n), is least or greatest within its stretch; all where they are few."""
-    count, n = rows.shape
+def extremes(rows: Sequence[Array], stretches: int) -> NDArray[np.intp]:
+    """Samples at which one of k rows, (n,), is least or greatest within its stretch; all where they are few."""
+    count, n = len(rows), len(rows[0])
     if n <= 2 * count * stretches:
         return np.arange(n)
     starts = np.linspace(0, n, stretches + 1).astype(np.intp)
     places = [np.array([0, n - 1])]
     for first, last in itertools.pairwise(starts.tolist()):
-        part = rows[:, first:last]
-        places += [first + part.argmin(axis=1), first + part.argmax(axis=1)]
+        parts = [row[first:last] for row in rows]
+        places += [first + np.array([at for one in parts for at in (one.argmin(), one.argmax())])]
     return np.unique(np.concatenate(places))
 
 

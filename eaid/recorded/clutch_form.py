@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.errors import UsageError
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
@@ -166,8 +165,6 @@ def lay_over_all(clutch: Solved, inputs: Excited) -> Solved:
 def fit_curve(base: Solved, inputs: Excited, curve: str) -> Solved:
     """A fit with T_s(u) as the option «curve» has it."""
     if curve == "levels":
-        if not inputs.stepwise or not 1 < len(inputs.levels) <= FEW_LEVELS:
-            raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
         return fit_through(base, PerLevel(tuple(inputs.levels.tolist())))
     ends = base.setup.model.low, base.setup.model.high
     if (form := torque_form(curve, np.append(inputs_within(base), ends))) is not None:

@@ -83,9 +83,10 @@ def log_part(solved: Solved, k: int, log: RecordedLog, fitted: RecordedLog) -> L
     missed, y = solved.missed[k], solved.outputs[k]
     about = float(np.linalg.norm(y - y.mean()))
     span = float(log.time_s[-1] - log.time_s[0])
-    time_s, level, measured = (column[counted] for column in (log.time_s, log.input, log.output))
-    columns = (time_s, level, measured, measured + missed, -missed)
-    at = extremes(np.stack([level, measured, -missed]), DRAWN_STRETCHES)  # rows to be drawn
+    known = slice(None) if counted.all() else counted
+    time_s, level, measured = (column[known] for column in (log.time_s, log.input, log.output))
+    at = extremes([level, measured, missed], DRAWN_STRETCHES)  # rows to be drawn
+    columns = (time_s[at], level[at], measured[at], measured[at] + missed[at], -missed[at])
     return LogFit(
         name=log.name,
         path=log.source,
@@ -103,7 +104,7 @@ def log_part(solved: Solved, k: int, log: RecordedLog, fitted: RecordedLog) -> L
         rmse=float(np.sqrt(np.mean(missed * missed))),
         fit_pct=100 * (1 - float(np.linalg.norm(missed)) / about) if about > 0 else None,
         one_step_pct=100 * (1 - float(np.linalg.norm(np.diff(missed))) / about) if about > 0 else None,
-        curve=LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column[at]) for column in columns)),
+        curve=LogCurve(*(tuple(float(f"{x:.{DIGITS}g}") for x in column) for column in columns)),
         correlation=correlation_of([-missed], log.usual_s, level),
     )
 
@@ -359,6 +360,8 @@ def experiment_of(
     refuse(logs)
     logs = [part for log in logs for part in split_at_gaps(log)]
     inputs = find_inputs(logs, options.duty, goes_on=True)
+    if options.through and not (inputs.stepwise and 1 < len(inputs.levels) <= FEW_LEVELS):
+        raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
     resting = [mark_resting_start(add_rest_before(log, inputs), inputs) for log in logs]
     resting = [count_from_rest(log) for log in resting] if len(logs) > 1 else resting
     return Experiment(resting, inputs, options, repeats, falls, steps)

@@ -41,8 +41,10 @@ def held_out(solved: Solved, logs: Sequence[RecordedLog]) -> LogsHeldOut | None:
         seen = [out[np.isfinite(log.output)] for out, log in zip(rows, logs, strict=True)]
         squares = sum(float(one[rows] @ one[rows]) for one, rows in zip(missed, seen, strict=False))
         folds.append((named, squares, sum(int(one.sum()) for one in seen), agrees))
-    y, left = np.concatenate(solved.outputs), np.concatenate(solved.missed)
-    size, rms = float(np.std(y)), float(np.sqrt(left @ left / len(y)))
+    count = sum(map(len, solved.outputs))
+    mean = sum(float(y.sum()) for y in solved.outputs) / count
+    size = float(np.sqrt(sum(float(np.sum((y - mean) ** 2)) for y in solved.outputs) / count))
+    rms = float(np.sqrt(sum(float(left @ left) for left in solved.missed) / count))
     if not folds or not size > 0:
         return None
     told = _judge_folds(folds, size, rms)

@@ -107,9 +107,9 @@ def bin_log(solved: Solved, clean: Setup, log: int, freed: "FreedLog | None" = N
 def few_in_bins(solved: Solved, log: int, step: int) -> tuple[Array, Array, NDArray[np.intp], Array] | None:
     """Of a long log whose input is held the derivatives of a few rows times how many stand for each, and times the root
     of that, (m, p), the first of each bin of `step` rows, and the output above idle, (m,); None of others."""
-    setup, copy = solved.fitted, solved.fitted.copies[log]
-    few = None if setup.model.kind == "swing" else copy.in_bins
-    if few is None:
+    setup = solved.fitted
+    copy = None if setup.model.kind == "swing" or not setup.copies else setup.copies[log]
+    if copy is None or (few := copy.in_bins) is None:
         return None
     used, t = few.w > 0, copy.log.time_s
     drives = (*setup.drives[:log], few, *setup.drives[log + 1 :])

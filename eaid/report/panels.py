@@ -176,5 +176,5 @@ def move_apart(values: Sequence[float], gap: float) -> list[float]:
 
 def thinned(x: Array, y: Array, points: int) -> tuple[Array, Array]:
     """At most `points` + 2 samples of a curve, the extremes of equal stretches in order: a spike of one survives."""
-    keep = extremes(y[None], max(points // 2, 1))
+    keep = extremes([y], max(points // 2, 1))
     return x[keep], y[keep]

@@ -43,10 +43,8 @@ def test_where_every_level_overshoots_the_plant_does():
     assert played.max() == pytest.approx(from_rest(PEAKED, t, 60.0).max(), rel=0.02)
 
 
-@pytest.mark.parametrize(
-    "true",
-    [PEAKED, *(pytest.param(one, marks=pytest.mark.slow) for one in (RINGING, replace(RINGING, dead_time_s=0.12)))],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("true", [PEAKED, RINGING, replace(RINGING, dead_time_s=0.12)])
 def test_single_runs_show_it_as_well_and_the_table_has_the_plants_numbers(true):
     """No repeat that misses alike, no scatter that a fall would stand out of: the levels' fit is reason enough."""
     fit = fitted(true, true, true, runs=1, ci="robust")
@@ -64,6 +62,7 @@ def test_single_runs_show_it_as_well_and_the_table_has_the_plants_numbers(true):
         assert (row.tau1, row.tau2, row.C) == pytest.approx((0.2, 1.0, 1.6), rel=0.02)
 
 
+@pytest.mark.slow
 def test_where_some_levels_do_margins_are_of_their_steps_and_a_word_goes_with_every_use():
     fit = fitted(FLAT, PEAKED, PEAKED)
     assert fit.plant.kind == "parallel"

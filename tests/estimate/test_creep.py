@@ -32,6 +32,7 @@ def logs(
     return found
 
 
+@pytest.mark.slow
 def test_each_run_creeps_from_the_rest_that_it_is_counted_from() -> None:
     """A low level is counted from the last part of its idle time, a high one from the mean of all of it: T_s of the low
     ones was 5 % low, beyond its interval."""
@@ -81,6 +82,7 @@ def test_what_is_there_is_found_and_no_more(C: float, creep: float, tmp_path: Pa
     assert not {"output-creeps", "share-free", "runs-reject-the-share"} & set(codes)
 
 
+@pytest.mark.slow
 def test_what_does_not_idle_so_is_no_creep() -> None:
     assert "creep-taken-off" not in {
         one.code for one in eaid.fit(logs(0.85, 0.006, while_idle=False), ci="none").findings
@@ -99,10 +101,8 @@ def test_values_do_not_go_with_the_intervals_that_are_asked_for() -> None:
         assert without == with_them
 
 
-@pytest.mark.parametrize(
-    ("C", "creep"),
-    [(0.85, 0.01), pytest.param(0.85, 0.0, marks=pytest.mark.slow), pytest.param(0.9, 0.0, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("C", "creep"), [(0.85, 0.01), (0.85, 0.0), (0.9, 0.0)])
 def test_single_runs_tell_a_creep_by_their_levels(C: float, creep: float) -> None:
     """3 % of the highest output in a hold made τ1 of the lowest level half as long again, and T_s a sixth too large."""
     fit = eaid.fit(logs(C, creep, repeats=1), ci="none")
@@ -144,6 +144,7 @@ def test_a_fade_in_proportion_is_taken_off(tmp_path: Path) -> None:
     assert played(fit) == pytest.approx(played(eaid.fit(faded(0.0), ci="none")), abs=0.5)
 
 
+@pytest.mark.slow
 def test_another_share_is_no_fade() -> None:
     fit = eaid.fit(faded(0.0, C=0.9), ci="none")
     assert not {"fade-taken-off", "fade-possible"} & {one.code for one in fit.findings}

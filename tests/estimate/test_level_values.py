@@ -327,7 +327,8 @@ def test_one_lag_that_hastens_with_the_input_hides_no_slow_part_that_never_comes
         assert fit.plant.time_constants(u)[0] == pytest.approx(1.5 * np.exp(-0.6 * (u / 100 - 0.5)), rel=0.06)
 
 
-@pytest.mark.parametrize("runs", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("runs", [1, 3])
 def test_one_lag_that_no_quadratic_follows_is_told(runs: int) -> None:
     """τ goes as 1/u: that of the lowest level was 21 % off, ± 8 %, "usable, no warnings"; a quadratic is no fault."""
     t, told = np.arange(0.0, 6.0, 0.02), []

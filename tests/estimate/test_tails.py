@@ -78,6 +78,7 @@ def test_rests_that_last_leave_nothing_to_take_off() -> None:
     assert "tails-taken-off" not in {one.code for one in fit.findings}
 
 
+@pytest.mark.slow
 def test_logs_as_recorded_fall_as_the_input_that_was_left() -> None:
     """One pair of constants for all falls made τ2 100 % too long at one end and 40 % too short in the middle."""
     plant = RELEASES["as the input left"]
@@ -93,10 +94,8 @@ def test_logs_as_recorded_fall_as_the_input_that_was_left() -> None:
     assert own.plant.release == pytest.approx((0.3, 7.0), rel=0.01)
 
 
-@pytest.mark.parametrize(
-    ("C", "dead_time_s"),
-    [(1.0, 0.0), *(pytest.param(*one, marks=pytest.mark.slow) for one in ((1.2, 0.0), (0.85, 0.2)))],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("C", "dead_time_s"), [(1.0, 0.0), (1.2, 0.0), (0.85, 0.2)])
 def test_sweeps_of_other_plants_are_fitted_as_recorded(C: float, dead_time_s: float) -> None:
     """T_s was 15 to 40 % too large, by a slow part that never comes, or an overshoot that was taken for a creep."""
     plant = replace(CLUTCH, C=C)

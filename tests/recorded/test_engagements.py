@@ -58,7 +58,7 @@ def test_tau1_that_differs_between_engagements_is_in_its_interval() -> None:
         assert row.ci95.tau1[0] < CLUTCH.at(row.level).tau1 < row.ci95.tau1[1]
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_one_lag_whose_runs_scatter_in_gain_is_no_overshoot(seed: int) -> None:
     """Five levels of three runs, gains of 4 %: a τ2 without end took the place of what the levels lie off a line."""
     draw, t, frames = np.random.default_rng(seed), np.arange(0, 9, 0.02), {}

@@ -193,6 +193,7 @@ def test_what_is_wrong_in_a_recorded_log_is_told_before_its_fit_and_by_it(spoil,
         assert code in codes(eaid.fit(read, model=("nonlinear",), ci="none", shape="one"))
 
 
+@pytest.mark.slow
 def test_curves_go_over_all_inputs_where_the_logs_ask_for_it() -> None:
     """Few rows of slow sines lie at the lowest inputs: the clutch's curves ended above them, and two lags with a zero,
     whose τ2 goes as τ1, took its place: τ2 11 % off within ± 2 %."""

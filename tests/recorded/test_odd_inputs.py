@@ -115,7 +115,8 @@ def test_a_range_without_a_level_is_refused_by_its_levels():
         eaid.fit(eaid.read(pd.DataFrame(columns), logs_as="recorded"), duty=(40, 50))
 
 
-@pytest.mark.parametrize("kind", ["lag", pytest.param("ringing", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["lag", "ringing"])
 def test_plants_of_another_kind_are_drawn_by_their_intervals(kind):
     t, random = np.arange(3000) * 0.02, np.random.default_rng(3)
     u = np.repeat(random.choice([0.0, 30.0, 60.0, 100.0], 60), 50)
@@ -314,6 +315,7 @@ CURVES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(one, marks=[pytest.mark.slow] * (one != "saturates")) for one in CURVES])
 def test_a_torque_that_follows_no_cubic_is_no_fall_of_its_own(name):
     points = tuple((float(u), float(CURVES[name](u))) for u in np.linspace(10, 100, 91))
@@ -345,6 +347,7 @@ def test_a_range_that_ends_below_the_inputs_of_its_logs_goes_on_with_them():
     assert float(fit.plant.steady(60.0)) == pytest.approx(float(REFERENCE_PLANT.steady(60.0)), rel=0.005)
 
 
+@pytest.mark.slow
 def test_another_kind_of_a_loop_has_a_gain_over_the_inputs_that_act():
     """Noise leads a loop at rest to inputs next to 0, where a polynomial of the gain may be anything."""
     draw, n, dt, dead_rows = np.random.default_rng(1), 8000, 0.02, 4

@@ -55,6 +55,7 @@ def test_steps_from_rest(name, tmp_path):
     assert min(held_against(tmp_path, **OWN).values()) > 85
 
 
+@pytest.mark.slow
 def test_an_overshoot_falls_as_it_rises(tmp_path):
     """Its release undershoots: 88 % with the one lag that a release has behind two rising lags."""
     steps(tmp_path, PLANTS["overshoot"], until_s=13.0)

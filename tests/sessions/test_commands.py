@@ -229,6 +229,7 @@ def test_a_folder_with_a_manifest_is_followed_as_that_says(run_eaid, make, tmp_p
     assert told.code == 3 and "dataset.toml: is no TOML" in told.err and "record it again" not in told.err
 
 
+@pytest.mark.slow
 def test_a_log_without_a_step_from_rest_gets_its_line_too(run_eaid, tmp_path, monkeypatch):
     monkeypatch.setattr(follow, "LOOK_S", 0.05)
     monkeypatch.chdir(tmp_path)
