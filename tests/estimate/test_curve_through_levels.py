@@ -103,4 +103,4 @@ def test_a_spline_that_is_held_follows_what_no_cubic_does() -> None:
     assert replayed.metrics.fit_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
     steps = fitted(20.0, 3, off=OFF, curve="spline")
     assert steps.nonlinear.Ts_through and not steps.nonlinear.through_levels
-    assert steps.nonlinear.left_out.fit_pct > 90 and eaid.tune_rc(steps).params is not None
+    assert steps.nonlinear.left_out.fit_pct > 90
