@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from eaid.arrays import Array, means_of, scaled_inverse
-from eaid.estimate.recorded_log import RecordedLog, take_off_creep, take_off_drift
+from eaid.estimate.recorded_log import RecordedLog, creep_at, take_off_creep, take_off_drift
 from eaid.estimate.solver import approach
 from eaid.estimate.spread import t_quantile
 from eaid.findings import Finding, finding
@@ -136,9 +136,10 @@ def _fit_drift(solved: Solved) -> tuple[float, Array, bool]:
         J, r = setup.jacobian(x, k)
         root, idle = np.sqrt(drive.w[drive.w > 0]), int(setup.places[k].own[0])
         response = r + root * (drive.y[drive.w > 0] - (x[idle] if idle >= 0 else 0.0))
-        creep = setup.crept[k]
+        share = setup.over[k]
+        creep = root[:, None] * creep_at(share)
         basis = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
-        for n, columns in enumerate((creep, (response * (creep[:, 0] / root - 0.5))[:, None])):
+        for n, columns in enumerate((creep, (response * (share - 0.5))[:, None])):
             alone = columns - basis @ (basis.T @ columns)
             step = -np.linalg.lstsq(alone, r, rcond=1e-10)[0]
             after = r + alone @ step

@@ -116,13 +116,12 @@ class Setup:
         return replace(self, drives=tuple(one.log.drive for one in self.copies)) if self.copies else self
 
     @cached_property
-    def crept(self) -> tuple[Array, ...]:
-        """√w times how a creep goes, straight and bent, of a log's rows that count, (N, 2)."""
+    def over(self) -> tuple[Array, ...]:
+        """The share of each log that is over at its rows that count, (N,)."""
         found = []
         for drive in self.drives:
-            counted, t_s = drive.w > 0, np.cumsum(drive.dt_s)
-            share = (t_s - drive.dt_s)[counted] / t_s[-1]
-            found.append(np.sqrt(drive.w[counted])[:, None] * creep_at(share))
+            t_s = np.cumsum(drive.dt_s)
+            found.append((t_s - drive.dt_s)[drive.w > 0] / t_s[-1])
         return tuple(found)
 
     @cached_property
@@ -199,7 +198,8 @@ class Setup:
             end = min(first + rows, len(drive.w))
             found = np.asarray(law(drive, tables, scalars, kernel, state, first, end))
             if (creep := place.kernel[AT_CREEP]) >= 0:
-                crept = self.crept[log][at : at + len(found)]
+                w = drive.w[first:end]
+                crept = np.sqrt(w[w > 0])[:, None] * creep_at(self.over[log][at : at + len(found)])
                 found[:, -1] += crept @ scalars[AT_CREEP:]
                 if of_unknowns:
                     found[:, creep : creep + 2] = crept
