@@ -23,7 +23,7 @@ from eaid.recorded.creep import (
     refit_with_creeps,
     sure,
 )
-from eaid.recorded.engagements import fit_beside_gains, without_gains
+from eaid.recorded.engagements import FEWEST_ENGAGEMENTS, fit_beside_gains, without_gains
 from eaid.recorded.from_logs import idle_found
 from eaid.recorded.inputs import Experiment
 from eaid.recorded.jump import find_jump, jump_size
@@ -43,6 +43,10 @@ def choose_plant(experiment: Experiment) -> Chosen:
     if steps or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
     behind = _choose_behind_creep(experiment, chosen)
+    if len(logs) >= FEWEST_ENGAGEMENTS:  # gains of each log bend it as a creep does
+        beside = _choose_beside_gains(experiment, chosen)
+        left = beside.solved.beside
+        behind = beside if left is not None and left.cost <= behind.solved.cost else behind
     without, again = _choose_behind_jumps(experiment, chosen)
     if without is not experiment:  # a jump explains a part of a creep or a drift, too
         other = _choose_behind_creep(without, again)
@@ -109,6 +113,8 @@ def _choose_behind_drift(experiment: Experiment, gains: Array, chosen: Chosen) -
         if more is None:
             break
         total = total + more
+    if again.solved.cost > chosen.solved.cost:  # what explained it was none
+        return _choose_beside_gains(experiment, chosen)
     rows = zip(experiment.logs, (100 * total).tolist(), strict=True)
     told = [finding("gain-drifts", log.name, pct=pct) for log, pct in rows if abs(pct) > 100 * LEAST_GAIN]
     return replace(again, findings=[*again.findings, *told])
@@ -117,7 +123,7 @@ def _choose_behind_drift(experiment: Experiment, gains: Array, chosen: Chosen) -
 def _choose_beside_gains(experiment: Experiment, chosen: Chosen) -> Chosen:
     """The plant of logs whose engagements have gains of their own: chosen and fitted without these, as their squares
     hide how the plant goes."""
-    alike = without_gains(chosen.tried[-1], experiment.logs)
+    alike = without_gains(chosen.tried[-1], experiment.logs) or without_gains(chosen.solved, experiment.logs)
     if not alike:
         return chosen
     try:

@@ -1,9 +1,10 @@
 """Engagements, stretches of a log under load between returns to rest: their gains, and fits beside these.
 
 The runs of a clutch differ by some percent to ten, and so do the engagements of one log: with one T_s(u) for all, what
-they differ by is fitted by falls, lags and polynomials. A gain g_e takes T_e (T_e'J)/(T_e'T_e) out of the derivatives J
-of an engagement, T_e being the response there, and with that what tells T_s as a whole: this is told by the mean of the
-gains, which is 1.
+they differ by is fitted by falls, lags and polynomials. A gain g_e takes T_e G_e, G_e = (T_e'J)/(T_e'T_e), out of the
+derivatives J of an engagement, T_e being the response there, and with that what tells T_s as a whole, or at its one
+level: this is told by the gains themselves, Σ ω G_e'(g_e − 1) = 0, which count as rows do by ω, the variance of the
+noise over theirs.
 """
 
 from collections.abc import Sequence
@@ -83,12 +84,13 @@ def gains_of_engagements(solved: Solved, k: int) -> tuple[Array, NDArray[np.intp
 
 @dataclass(frozen=True, eq=False)
 class FreedLog:
-    """One log with the gains of all engagements solved for, of mean 1: r moves the unknowns by −(Z'J)⁻¹ Z'r."""
+    """One log with the gains of all engagements solved for: r moves the unknowns by −(Z'J)⁻¹ Z'r."""
 
-    Z: Array  # (N, n)
+    Z: Array  # (N, p)
     J: Array  # √w ∂f/∂x, (N, p)
     r: Array  # √w (f − y), (N,)
     left: Array  # The same with the gains
+    by_gains: Array  # ω G_e of its loaded engagements, (M, p)
 
 
 def without_gains(solved: Solved, logs: Sequence[RecordedLog]) -> list[RecordedLog]:
@@ -110,8 +112,8 @@ def without_gains(solved: Solved, logs: Sequence[RecordedLog]) -> list[RecordedL
 
 
 def fit_beside_gains(alike: Solved, logs: Sequence[RecordedLog]) -> Solved:
-    """The fit of logs whose engagements have gains of their own, of mean 1, from one to the logs without these. It has
-    the unknowns that fit the logs as they are with all gains at their mean."""
+    """The fit of logs whose engagements have gains of their own, from one to the logs without these, and what the logs
+    as they are leave with all gains at their mean."""
     before = alike.fitted
 
     def of(with_outputs: Sequence[RecordedLog]) -> Setup:
@@ -119,13 +121,16 @@ def fit_beside_gains(alike: Solved, logs: Sequence[RecordedLog]) -> Solved:
         return setup_of(before.model, with_outputs, before.idle_free, before.dead_time_s, as_left, extras)
 
     recorded = of(logs)
-    x, cost = _solve_beside_gains(recorded, alike.x)
+    seen, _ = scatter_of(Solved(recorded, alike.x, alike.cost, alike.solver), 1.0)
+    weight = gains_weight(alike, seen)
+    x, cost = _solve_beside_gains(recorded, alike.x, weight)
     for _ in range(GAIN_SEARCHES):
         plain = of(without_gains(Solved(recorded, x, cost, alike.solver), logs) or logs)
         if before.model.kind != "parallel":
             break
         anew, size = fit_setup(replace(plain, extras=())).x, before.model.size  # as the first gains may lead astray
-        other = _solve_beside_gains(recorded, np.concatenate([anew[:size], x[size : before.shared], anew[size:]]))
+        anew = np.concatenate([anew[:size], x[size : before.shared], anew[size:]])
+        other = _solve_beside_gains(recorded, anew, weight)
         if not other[1] < NOT_LESS * cost:
             break
         x, cost = other
@@ -133,22 +138,27 @@ def fit_beside_gains(alike: Solved, logs: Sequence[RecordedLog]) -> Solved:
     return Solved(recorded, x, recorded.every.problem().value(x)[0], alike.solver, beside=last)
 
 
-def _solve_beside_gains(setup: Setup, x: Array) -> tuple[Array, float]:
+def gains_weight(alike: Solved, seen: EngagementScatter) -> float:
+    """ω of gains that scatter so beside what a fit without them leaves."""
+    return alike.cost / sum(map(len, alike.outputs)) / max(seen.gain, LEAST_SCATTER) ** 2
+
+
+def _solve_beside_gains(setup: Setup, x: Array, weight: float) -> tuple[Array, float]:
     """Where Newton steps with the gains solved for lead to from x, and the squares that are left there."""
 
     def squares(freed: Sequence[FreedLog]) -> float:
         return sum(float(one.left @ one.left) for one in freed)
 
-    problem, freed = setup.problem(), free_gains(setup, x)
+    problem, freed = setup.problem(), free_gains(setup, x, weight)
     for _ in range(GAIN_ROUNDS):
         H, g, cost = np.zeros((setup.size, setup.size)), np.zeros(setup.size), squares(freed)
         for place, one in zip(setup.places, freed, strict=True):
-            H[:, place.columns] += one.Z.T @ one.J
-            g += one.Z.T @ one.r
+            H[np.ix_(place.columns, place.columns)] += one.Z.T @ one.J
+            g[place.columns] += one.Z.T @ one.r
         step, before = newton_step(problem, x, g, H).d, x
         for length in GAIN_STEPS:
             x = draw_back_inside(problem, before, before + length * step)
-            freed = free_gains(setup, x)
+            freed = free_gains(setup, x, weight)
             if squares(freed) <= cost * (1 + GAINS_SETTLED):
                 break
         if (np.abs(x - before) <= GAINS_SETTLED * np.abs(x)).all():
@@ -156,10 +166,9 @@ def _solve_beside_gains(setup: Setup, x: Array) -> tuple[Array, float]:
     return x, squares(freed)
 
 
-def free_gains(setup: Setup, x: Array) -> list[FreedLog]:
-    """The logs of a setup so. A gain takes T_e (T_e'J)/(T_e'T_e) out of J, with that T_s as a whole; what says of it is
-    the mean of the gains, c'x, c = Σ T_e'J/(T_e'T_e)/M, taken with the weight of Σ T'T."""
-    rows, c, weight, count = [], np.zeros(setup.size), 0.0, 0
+def free_gains(setup: Setup, x: Array, weight: float) -> list[FreedLog]:
+    """The logs of a setup so, gains having the `weight` ω."""
+    found = []
     for k, (drive, place) in enumerate(zip(setup.drives, setup.places, strict=True)):
         (J, r), known, idle = setup.jacobian(x, k), drive.w > 0, int(place.own[0])
         T = r + np.sqrt(drive.w[known]) * (drive.y[known] - (x[idle] if idle >= 0 else 0.0))
@@ -167,17 +176,11 @@ def free_gains(setup: Setup, x: Array) -> list[FreedLog]:
         square = np.bincount(which, T * T)
         loaded = square > LEAST_LOAD * square.mean()
         share = np.where(loaded[which], T / np.maximum(square, 1e-300)[which], 0.0)
-        of_gains = np.array([np.bincount(which, share * column) for column in J.T]).T  # T_e'J/(T_e'T_e)
+        of_gains = np.array([np.bincount(which, share * column) for column in J.T]).T  # G_e
         T = np.where(loaded[which], T, 0.0)
         left = r - T * np.bincount(which, share * r)[which]
-        rows.append((J, r, T, share, of_gains[which], place.columns, left))
-        c[place.columns] += of_gains.sum(axis=0)
-        weight, count = weight + float(T @ T), count + int(loaded.sum())
-    found = []
-    for J, r, T, share, of_gains, columns, left in rows:
-        Z = np.outer(share / count, weight / count * c)
-        Z[:, columns] += J - T[:, None] * of_gains
-        found.append(FreedLog(Z, J, r, left))
+        Z = J - (T - weight * share)[:, None] * of_gains[which]
+        found.append(FreedLog(Z, J, r, left, weight * of_gains[loaded]))
     return found
 
 
@@ -226,16 +229,18 @@ def scatter_of(solved: Solved, followed: float) -> tuple[EngagementScatter, Sequ
     return EngagementScatter(s0, s1, gain, len(gamma), spare, chance), cleaned
 
 
-def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: bool) -> tuple[float, Array]:
+def lag_scatter(
+    solved: Solved, pull: Array, noise: EngagementScatter, of_gains: float | None = None
+) -> tuple[float, Array]:
     """Standard deviation of ln τ1 from engagement to engagement beyond what noise makes of it, and what one of 1 in
-    each does to the unknowns, (M, n), with the gains solved for where they are `free`; 0 where too few show it.
+    each does to the unknowns, (M, n), with the gains solved for where they have a weight; 0 where too few show it.
 
     With D = ∂f/∂ln τ1, freed of T, an engagement by itself moves ln τ1 by −D'r/D'D.
     """
     # few rows whose sums are those of all, where inputs are held
     held = all(one.log.stepwise for one in solved.fitted.copies)
     setup, part = solved.fitted if held else solved.setup, solved.setup.model.slices[1]
-    S, moved, own, seen, c, weight = [], [], [], [], np.zeros(setup.size), 0.0
+    S, moved, own, sizes = [], [], [], []
     for k, (drive, place) in enumerate(zip(setup.drives, setup.places, strict=True)):
         known, idle, first, count = drive.w > 0, int(place.own[0]), 0, len(place.columns)
         which, root, one = engagements(drive)[known], np.sqrt(drive.w[known]), solved.setup.drives[k]
@@ -252,18 +257,16 @@ def lag_scatter(solved: Solved, pull: Array, noise: EngagementScatter, free: boo
             sums[which[here][starts]] += np.add.reduceat(products, starts)
         sums = sums[sums[:, -4] > LEAST_LOAD * sums[:, -4].mean()]
         JD, JT, (DD, DT, TT, Dr, Tr, DDTT) = sums[:, :count], sums[:, count : 2 * count], sums[:, -6:].T
-        weight, alone = weight + float(TT.sum()), np.maximum(DD - DT**2 / TT, 1e-300)
+        alone = np.maximum(DD - DT**2 / TT, 1e-300)
         moved.append(-(Dr - DT * Tr / TT) / alone)
         dt_s = float(one.dt_s.sum()) / max(int(np.count_nonzero(one.w)), 1)
         own.append((noise.sensor_nm2_s * DD + noise.ripple_s * DDTT) / dt_s / alone**2)
-        seen.append(np.stack([alone, DT / TT], axis=1))
+        sizes.append(alone)
         S.append(np.zeros((len(DD), setup.size)))
-        S[-1][:, place.columns] = JD - free * JT * (DT / TT)[:, None]
-        c[place.columns] += (JT / TT[:, None]).sum(axis=0)
-    d, of_noise, each = np.concatenate(moved), np.concatenate(own), np.vstack(S)
-    alone, by_gain = np.concatenate(seen).T
-    if free:
-        each += np.outer(by_gain, c) * weight / len(d) ** 2
+        S[-1][:, place.columns] = JD
+        if of_gains is not None:
+            S[-1][:, place.columns] -= JT * (DT / TT * (1 - of_gains / TT))[:, None]
+    d, of_noise, each, alone = np.concatenate(moved), np.concatenate(own), np.vstack(S), np.concatenate(sizes)
     if len(d) < FEWEST_ENGAGEMENTS or not np.isfinite(d).all():
         return 0.0, each
     followed = float((((each @ pull) * each).sum(axis=1) / alone).sum())

@@ -29,6 +29,7 @@ from eaid.recorded.engagements import (
     FreedLog,
     engagements,
     free_gains,
+    gains_weight,
     lag_scatter,
     scatter_of,
 )
@@ -74,7 +75,6 @@ def bin_log(solved: Solved, clean: Setup, log: int, freed: "FreedLog | None" = N
     step = -(-len(output) // BINS)
     starts = np.arange(0, len(output), step)
     (plain, scaled), H = np.zeros((2, len(starts), setup.size)), np.zeros((setup.size, setup.size))
-    of_Z = columns if freed is None else np.arange(setup.size)
     if freed is not None:
         both = iter([(freed.Z, freed.J)])
     elif clean is not setup:  # in one piece: their rows where inputs change are not the same
@@ -87,14 +87,14 @@ def bin_log(solved: Solved, clean: Setup, log: int, freed: "FreedLog | None" = N
         both = ((piece, piece) for piece in setup.derivatives(x, log))
     at = 0
     for Z, J in both:
-        Z, J = Z[:, : len(of_Z)], J[:, : len(columns)]
-        H[np.ix_(of_Z, columns)] += Z.T @ J
+        Z, J = Z[:, : len(columns)], J[:, : len(columns)]
+        H[np.ix_(columns, columns)] += Z.T @ J
         rows = slice(at % step, at % step + len(Z))  # in whole bins, the first begun before
         bins = -(-rows.stop // step)
-        whole, factors = np.zeros((bins * step, len(of_Z))), np.zeros((2, bins * step))
+        whole, factors = np.zeros((bins * step, len(columns))), np.zeros((2, bins * step))
         whole[rows], factors[0, rows], factors[1, rows] = Z, 1.0, output[at : at + len(Z)]
-        sums = factors.reshape(2, bins, 1, step) @ whole.reshape(bins, step, len(of_Z))
-        into = np.ix_(np.arange(bins) + at // step, of_Z)
+        sums = factors.reshape(2, bins, 1, step) @ whole.reshape(bins, step, len(columns))
+        into = np.ix_(np.arange(bins) + at // step, columns)
         plain[into] += sums[0, :, 0]
         scaled[into] += sums[1, :, 0]
         at += len(Z)
@@ -253,10 +253,11 @@ def spread(solved: Solved, with_lags: bool = False) -> Spread:
     clean = setup if solved.instruments is None else replace(setup, drives=solved.instruments)
     n = setup.size
     H = np.zeros((n, n))
-    pieces, freed = [], free_gains(setup, solved.x) if of_gains is not None else None
+    weight = None if of_gains is None else gains_weight(solved, of_gains)
+    pieces, freed = [], None if weight is None else free_gains(setup, solved.x, weight)
     for log in range(len(setup.drives)):
-        piece, of_log = bin_log(solved, clean, log, None if freed is None else freed[log])
-        H += of_log
+        piece, part = bin_log(solved, clean, log, None if freed is None else freed[log])
+        H += part
         pieces.append(piece)
     pull = free_inverse(H, solved.setup.problem().A[solved.active])
     # what gains of 1 do, one an engagement: H⁻¹ Σ_e s s' H⁻¹, s = Σ Z T of an engagement
@@ -272,13 +273,15 @@ def spread(solved: Solved, with_lags: bool = False) -> Spread:
     between = S.T @ S * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
     if setup.between_rows:
         between += pull @ by_changes(solved) @ pull.T
-    if of_gains is not None:  # T_s goes with their mean
-        along = np.zeros(n)
-        along[setup.model.slices[0]] = solved.x[setup.model.slices[0]]
-        between = between + np.outer(along, along) * of_gains.gain**2 / of_gains.count
-        scatter = replace(of_gains, spare=of_gains.count - 1.0, beside=True)
+    if of_gains is not None and freed is not None and weight is not None:
+        told = 0.0  # Unknowns that gains tell: T_s as a whole, or its curve
+        for place, of_log in zip(setup.places, freed, strict=True):
+            moves = of_log.by_gains @ pull[:, place.columns].T
+            between = between + of_gains.gain**2 * moves.T @ moves
+            told += float((moves[:, place.columns] * of_log.by_gains).sum()) / weight
+        scatter = replace(of_gains, spare=max(of_gains.count - told, 1.0), beside=True)
     if with_lags and solved.instruments is None:
-        sd, moves = lag_scatter(solved, pull, scatter, free=freed is not None)
+        sd, moves = lag_scatter(solved, pull, scatter, weight)
         between, scatter = between + sd**2 * moves.T @ moves, replace(scatter, tau1=sd)
     return Spread(noise, tuple(lines), between, scatter, pull)
 
