@@ -7,13 +7,14 @@ import numpy as np
 
 from eaid.estimate.recorded_log import RecordedLog, add_rest
 from eaid.plant.drive import delayed
+from eaid.recorded.engagements import FEWEST_ENGAGEMENTS
 from eaid.recorded.from_logs import Setup, Solved, idle_found, setup_of
 from eaid.recorded.inputs import Excited
 from eaid.recorded.kinds import Search
 from eaid.recorded.late import LOWER
 
 FARTHEST_PATTERN, NEAREST = 0.3, 0.01  # Steps of a pattern, as parts of a lag and a dead time
-FEWEST_RESTING = 10  # Rows of rest before a step that tell its idle output
+FEWEST_RESTING, MANY_RESTING = 10, 30  # Rows of rest before a step that tell its idle output, and before any input
 REST_BELIEVED = 4.0  # Squares of a start at rest over those of one with unknown states, up to which it is believed
 
 
@@ -25,11 +26,12 @@ def mark_resting_start(log: RecordedLog, inputs: Excited) -> RecordedLog:
     return resting if quick_cost(resting, inputs) <= REST_BELIEVED * quick_cost(log, inputs) else log
 
 
-def count_from_rest(log: RecordedLog) -> RecordedLog:
-    """A log of a single step counted from the rest before it: with an idle output of its own, one of several such logs
-    would hide how runs scatter."""
-    first = int(np.argmax(log.input != 0))
-    known = log.baseline is None and log.of_one_level and log.reference is None and first >= FEWEST_RESTING
+def count_from_rest(log: RecordedLog, of: int) -> RecordedLog:
+    """One of several logs counted from the rest before it, of a single step or a long one: with an idle output of its
+    own it would hide how runs scatter."""
+    first, least = int(np.argmax(log.input != 0)), FEWEST_RESTING if log.of_one_level else MANY_RESTING
+    known = log.baseline is None and log.reference is None and first >= least
+    known = known and (log.of_one_level or of >= FEWEST_ENGAGEMENTS)
     return replace(log, baseline=float(np.nanmean(log.output[:first]))) if known else log
 
 

@@ -363,7 +363,7 @@ def experiment_of(
     if options.through and not (inputs.stepwise and 1 < len(inputs.levels) <= FEW_LEVELS):
         raise UsageError("«curve» levels: these logs hold no levels, or too many; leave it out")
     resting = [mark_resting_start(add_rest_before(log, inputs), inputs) for log in logs]
-    resting = [count_from_rest(log) for log in resting] if len(logs) > 1 else resting
+    resting = [count_from_rest(log, len(logs)) for log in resting] if len(logs) > 1 else resting
     return Experiment(resting, inputs, options, repeats, falls, steps)
 
 

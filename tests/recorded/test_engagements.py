@@ -145,3 +145,33 @@ def test_an_overshoot_is_found_where_noise_hides_its_lowest_level() -> None:
 def test_no_input_is_noted_late_by_more_than_its_rise_can_show() -> None:
     """By 390 s, so that there was "no rising step", in one of 14."""
     assert dead_time_of(overshoots(103), FitOptions()).dead_time_s == 0.0
+
+
+def test_engagements_of_one_level_each_tell_t_s_by_their_gains() -> None:
+    """Freed of its gain each told nothing of T_s, which ran to −910 N·m for 4.1, of a log that a lag explains to 95 %."""
+    draw, lag = np.random.default_rng(1), Plant((2.0,), (2.0,), (0.0, 0.03, 1e-4), (15.0, 100.0), C=1.0)
+    levels, gains = draw.permutation(np.tile([15.0, 40.0, 70.0, 100.0], 4)), 1 + 0.03 * draw.standard_normal(16)
+    at = np.append(0.0, (10 + 24.07 * np.arange(16)[:, None] + [0.0, 12.0]).ravel())  # between the rows
+    u = np.append(0.0, np.column_stack([levels, np.zeros(16)]).ravel())
+    t = np.arange(4900) * 0.08
+    engaged = np.clip(np.searchsorted(at, t, side="right") // 2 - 1, 0, None)
+    y = respond(lag, at, u, t) * gains[engaged] + 0.03 * draw.standard_normal(len(t))
+    fit = eaid.fit(t, u[np.searchsorted(at, t, side="right") - 1], y)
+    assert fit.plant.kind == "lag" and fit.verdict.usable
+    for row in fit.nonlinear.curves:
+        assert row.ci95.Ts[0] < lag.steady(row.level) < row.ci95.Ts[1] < 1.25 * row.ci95.Ts[0]
+
+
+@pytest.mark.slow
+def test_gains_of_several_logs_are_no_drift_no_creep_and_no_idle_output_of_theirs(tmp_path) -> None:
+    draw, rings = np.random.default_rng(3), Plant((0.4,), (0.4,), (0.0, 0.03), (20.0, 100.0), C=1.0, zeta=0.69)
+    u = np.repeat([0.0, *np.arange(20.0, 101.0, 20.0), *np.arange(80.0, 19.0, -20.0)], 60)
+    t = np.arange(len(u)) * 0.04
+    for k, gain in enumerate(1 + 0.04 * draw.standard_normal(5)):
+        y = gain * respond(rings, t, u, t) + 0.03 * draw.standard_normal(len(t))
+        pandas.DataFrame({"time_s": t, "duty_pct": u, "torque_nm": y}).to_csv(tmp_path / f"{k}.csv", index=False)
+    fit = eaid.fit(tmp_path)
+    assert fit.plant.kind == "ringing" and fit.plant.zeta == pytest.approx(0.69, rel=0.05)
+    assert not {"gain-drifts", "log-creeps", "dead-time"} & {one.code for one in fit.findings}
+    for level, low, high in fit.plant_.ci95.levels["Ts"]:
+        assert low < rings.steady(level) < high and 1.03 < high / low < 1.25  # what five gains leave of their mean
