@@ -234,6 +234,7 @@ def _one_round(
     return x + back @ end.x, int(end.nfev)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a step too far is not taken
 def approach(problem: Problem, start: Array, steps: int = 40, near: float = NEAR_END) -> EndPoint:
     """Damped constrained Newton steps (Marquardt) from a feasible start until one gains less than `near` of it."""
     x, evaluations, damping = start, 1, 1e-6

@@ -272,7 +272,7 @@ def spread(solved: Solved, with_lags: bool = False) -> Spread:
     S = S @ pull.T
     between = S.T @ S * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
     if setup.between_rows:
-        between += pull @ by_changes(solved) @ pull.T
+        between += pull @ by_changes(solved, freed) @ pull.T
     if of_gains is not None and freed is not None and weight is not None:
         told = 0.0  # Unknowns that gains tell: T_s as a whole, or its curve
         for place, of_log in zip(setup.places, freed, strict=True):
@@ -286,7 +286,7 @@ def spread(solved: Solved, with_lags: bool = False) -> Spread:
     return Spread(noise, tuple(lines), between, scatter, pull)
 
 
-def by_changes(solved: Solved) -> Array:
+def by_changes(solved: Solved, freed: "Sequence[FreedLog] | None") -> Array:
     """Variance of Σ Z r by inputs that change at any instant between two rows: Σ s s'/12, s = Σ Z D of a change, D what
     one row later makes of the residuals."""
     setup, total = solved.setup, np.zeros((solved.setup.size, solved.setup.size))
@@ -295,11 +295,11 @@ def by_changes(solved: Solved) -> Array:
         starts = np.unique(counted[np.flatnonzero(np.diff(drive.which) != 0)])
         D = differ_by_a_row(setup, solved.x[columns], drive)
         s = np.zeros((len(starts) + 1, len(columns)))  # the first of rows before any change
-        for piece in setup.derivatives(solved.x, log):
+        for piece in setup.derivatives(solved.x, log) if freed is None else (freed[log].Z,):
             rows = np.arange(at, at + len(piece))
             which = np.searchsorted(starts, rows, side="right")
             first = np.flatnonzero(np.diff(which, prepend=-1))
-            s[which[first]] += np.add.reduceat(piece[:, :-1] * D[rows, None], first)
+            s[which[first]] += np.add.reduceat(piece[:, : len(columns)] * D[rows, None], first)
             at += len(piece)
         total[np.ix_(columns, columns)] += s[1:].T @ s[1:] / 12
     return total
