@@ -150,10 +150,10 @@ def test_no_input_is_noted_late_by_more_than_its_rise_can_show() -> None:
 def test_engagements_of_one_level_each_tell_t_s_by_their_gains() -> None:
     """Freed of its gain each told nothing of T_s, which ran to −910 N·m for 4.1, where a lag explains 95 %."""
     draw, lag = np.random.default_rng(1), Plant((2.0,), (2.0,), (0.0, 0.03, 1e-4), (15.0, 100.0), C=1.0)
-    levels, gains = draw.permutation(np.tile([15.0, 40.0, 70.0, 100.0], 4)), 1 + 0.03 * draw.standard_normal(16)
-    at = np.append(0.0, (10 + 24.07 * np.arange(16)[:, None] + [0.0, 12.0]).ravel())  # between the rows
-    u = np.append(0.0, np.column_stack([levels, np.zeros(16)]).ravel())
-    t = np.arange(4900) * 0.08
+    levels, gains = draw.permutation(np.tile([15.0, 40.0, 70.0, 100.0], 2)), 1 + 0.03 * draw.standard_normal(8)
+    at = np.append(0.0, (10 + 24.07 * np.arange(8)[:, None] + [0.0, 12.0]).ravel())  # between the rows
+    u = np.append(0.0, np.column_stack([levels, np.zeros(8)]).ravel())
+    t = np.arange(2500) * 0.08
     engaged = np.clip(np.searchsorted(at, t, side="right") // 2 - 1, 0, None)
     y = respond(lag, at, u, t) * gains[engaged] + 0.03 * draw.standard_normal(len(t))
     fit = eaid.fit(t, u[np.searchsorted(at, t, side="right") - 1], y)
