@@ -43,7 +43,7 @@ def choose_plant(experiment: Experiment) -> Chosen:
     if steps or not experiment.falls or input_answers_output(chosen.solved, chosen.logs):
         return chosen
     behind = _choose_behind_creep(experiment, chosen)
-    if len(logs) >= FEWEST_ENGAGEMENTS:  # gains of each log bend it as a creep does
+    if len(logs) >= FEWEST_ENGAGEMENTS and behind.solved.beside is None:  # gains of each log bend it as a creep does
         beside = _choose_beside_gains(experiment, chosen)
         left = beside.solved.beside
         behind = beside if left is not None and left.cost <= behind.solved.cost else behind

@@ -140,7 +140,7 @@ def fit_beside_gains(alike: Solved, logs: Sequence[RecordedLog]) -> Solved:
 
 def gains_weight(alike: Solved, seen: EngagementScatter) -> float:
     """ω of gains that scatter so beside what a fit without them leaves."""
-    return alike.cost / sum(map(len, alike.outputs)) / max(seen.gain, LEAST_SCATTER) ** 2
+    return max(alike.cost, 1e-300) / sum(map(len, alike.outputs)) / max(seen.gain, LEAST_SCATTER) ** 2
 
 
 def _solve_beside_gains(setup: Setup, x: Array, weight: float) -> tuple[Array, float]:

@@ -36,7 +36,7 @@ from eaid.levels.from_steps import CHI2_APART
 from eaid.plant.derivatives import at_first, derivatives, swinging
 from eaid.plant.drive import AT_CREEP, AT_IDLE, Drive, Tables, beginning, delayed
 from eaid.plant.dynamics import TAU_FLOOR_S, Plant
-from eaid.plant.forms import Form, LegendreForm
+from eaid.plant.forms import Form, LegendreForm, PerLevel
 from eaid.plant.sums import linear_sums
 from eaid.recorded.few_rows import Copies
 from eaid.results.common import Solver
@@ -493,7 +493,9 @@ def fit_through(solved: Solved, form: Form) -> Solved:
     coefficients."""
     fitted, first = solved.fitted, solved.fitted.model.slices[0].stop
     through = replace(fitted, model=replace(fitted.model, Ts=form))
-    begin = np.linalg.solve(form.rows(form.inputs), solved.curves(form.inputs).steady)
+    begin = solved.curves(form.inputs).steady
+    if not isinstance(form, PerLevel):  # whose unknowns are the values themselves
+        begin = np.linalg.solve(form.rows(form.inputs), begin)
     return fit_near(through, np.append(begin, solved.x[first:]))
 
 
