@@ -495,7 +495,7 @@ def fit_through(solved: Solved, form: Form) -> Solved:
     through = replace(fitted, model=replace(fitted.model, Ts=form))
     begin = solved.curves(form.inputs).steady
     if not isinstance(form, PerLevel):  # whose unknowns are the values themselves
-        begin = np.linalg.solve(form.rows(form.inputs), begin)
+        begin = np.asarray(np.linalg.solve(form.rows(form.inputs), begin))
     return fit_near(through, np.append(begin, solved.x[first:]))
 
 
