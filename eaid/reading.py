@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from eaid.arrays import median, read_only
+from eaid.arrays import keep_freed_memory, median, read_only
 from eaid.declared import as_typed
 from eaid.errors import DataError, UsageError
 from eaid.files import sha256_of
@@ -38,6 +38,7 @@ from eaid.steps.stepset import StepSet
 MOSTLY_STILL = 0.9  # Part of a log that stands still where it is at rest throughout
 ASKED = {"time-unclear", "time-unit-differs"}  # What is asked before anything else is done
 RESTS_WITHIN = 0.02  # Of all inputs, within which logs rest at one
+MANY_ROWS = 1_000_000  # From which on arrays of them take long to be given and taken back
 ROWS_APART = 2.0  # Rows from one part of a log to the next that is joined to it, at most
 TOGETHER = 0.02  # Share of the longest log within which outputs are let go at one time
 
@@ -288,6 +289,8 @@ def steps_in(
     runs: Sequence[Run], options: ReadOptions, faults: Sequence[str] = (), paths: Sequence[Path] = ()
 ) -> tuple[list[Run], StepSet]:
     """The same from runs that are read already; `faults` of reading are raised with those of finding steps."""
+    if sum(len(run.time_s) for run in runs) >= MANY_ROWS:
+        keep_freed_memory()
     how, runs = options.logs_as, named_like(runs, options.where)
     asked, (runs, more) = list(_asked(runs, how)), _ended(runs)
     if asked or more:

@@ -24,7 +24,7 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.plant.drive import Drive
 from eaid.plant.dynamics import Plant
 from eaid.plant.respond import respond
-from eaid.recorded.engagements import engagements
+from eaid.recorded.engagements import engagement_starts
 from eaid.recorded.from_logs import Setup, fit_near, setup_of
 from eaid.recorded.log_intervals import spread
 from eaid.results.models import Noise
@@ -59,7 +59,7 @@ class Sensitivities:
         T2 = r * r / np.maximum(drive.w[counted], 1e-300)
         density = (noise.sensor_nm2_s + noise.ripple_s * T2) * weight
         J = J * np.sqrt(np.broadcast_to(weight, len(J)))[:, None]
-        starts = np.flatnonzero(np.diff(engagements(drive)[counted])) + 1
+        starts = engagement_starts(drive)[1:]
         H = np.array([part.T @ part for part in np.split(J, starts)])
         omega = np.array([part.T @ part for part in np.split(J * np.sqrt(density)[:, None], starts)])
         size = np.sqrt(np.maximum(np.diagonal(H.sum(axis=0)), 1e-300))

@@ -20,6 +20,18 @@ from eaid.plant.drive import AT_DEAD, AT_EXCESS, AT_FALL, AT_IDLE, AT_REST, AT_S
 from eaid.plant.dynamics import swing
 from eaid.plant.machine_code import machine_code
 
+# What a state still has of its start is 0 below this: a number near the least that there is takes fifty times as long
+NEXT_TO_NOTHING, LOOKED_FOR_ROWS = 1e-250, 64
+
+
+@machine_code()
+def drop_nothing(sens: Array) -> None:
+    """Put 0 for derivatives of states, (2, n), that are next to it."""
+    for s in range(2):
+        for j in range(sens.shape[1]):
+            if abs(sens[s, j]) < NEXT_TO_NOTHING:
+                sens[s, j] = 0.0
+
 
 @machine_code()
 def acting_tau(
@@ -58,6 +70,8 @@ def derivatives(
                 out[row, place[AT_IDLE]] = root
             out[row, count] = root * (x[0] + x[1] + scalars[AT_IDLE] - drive.y[k])
             row += 1
+        if k % LOOKED_FOR_ROWS == 0:
+            drop_nothing(sens)
         i, step, fallen = drive.which[k], drive.dt_s[k], drive.rising[k] < 0
         moved = place[AT_DEAD] >= 0 and k > 0 and (i != drive.which[k - 1] or drive.rising[k] != drive.rising[k - 1])
         excess = 1.0 + scalars[AT_EXCESS] if fallen else 1.0
@@ -142,6 +156,8 @@ def swinging(
                 out[row, place[AT_IDLE]] = root
             out[row, count] = root * (x1 + z * x2 + scalars[AT_IDLE] - drive.y[k])
             row += 1
+        if k % LOOKED_FOR_ROWS == 0:
+            drop_nothing(sens)
         i, step = drive.which[k], drive.dt_s[k]
         tau, zeta, away = tables.tau1[i], tables.tau2[i], x1 - tables.steady[i]
         if place[AT_DEAD] >= 0 and k > 0 and i != drive.which[k - 1]:

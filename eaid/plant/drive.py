@@ -65,7 +65,8 @@ def delayed(drive: Drive, dead_time_s: float) -> Drive:
     sample = np.insert(np.ones(len(t), dtype=bool), at, False)
     y, w = np.zeros(len(time)), np.zeros(len(time))
     y[sample], w[sample] = drive.y, drive.w
-    dt_s = np.append(np.diff(time), drive.dt_s[-1])
+    dt_s, whole = np.append(np.diff(time), drive.dt_s[-1]), np.flatnonzero(sample[:-1] & sample[1:])
+    dt_s[whole] = drive.dt_s[(np.cumsum(sample) - 1)[whole]]  # to the last digit: kernels go on with what they know
     return drive._replace(dt_s=dt_s, which=drive.which[from_row], rising=drive.rising[from_row], y=y, w=w, late_s=0.0)
 
 

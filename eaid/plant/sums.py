@@ -6,7 +6,7 @@ They are all that is needed to solve for it at given time constants (variable pr
 import numpy as np
 
 from eaid.arrays import Array
-from eaid.plant.derivatives import swung
+from eaid.plant.derivatives import NEXT_TO_NOTHING, swung
 from eaid.plant.drive import Drive
 from eaid.plant.machine_code import machine_code
 
@@ -32,8 +32,8 @@ def linear_sums(drive: Drive, by_steady: Array, tau1: Array, tau2: Array, share:
             for j in range(n):
                 fast[j] += g1 * (share[k] * by_steady[i, j] - fast[j])
                 slow[j] += g2 * ((1.0 - share[k]) * by_steady[i, j] - slow[j])
-            start1 -= g1 * start1
-            start2 -= g2 * start2
+            start1 = start1 - g1 * start1 if start1 > NEXT_TO_NOTHING else 0.0
+            start2 = start2 - g2 * start2 if start2 > NEXT_TO_NOTHING else 0.0
         sums[k] = columns.T @ columns
     return sums
 
@@ -58,8 +58,11 @@ def swinging_sums(drive: Drive, gains: Array, tau: float, zeta: float) -> Array:
             last = step
         f11, f22, w = c + zeta * n, c - zeta * n, gains[drive.which[k]]
         x1, x2 = w + f11 * (x1 - w) + n * x2, f22 * x2 - n * (x1 - w)
-        f1, f2 = f11 * f1 + n * f2, f22 * f2 - n * f1
-        g1, g2 = f11 * g1 + n * g2, f22 * g2 - n * g1
+        if abs(f1) + abs(f2) + abs(g1) + abs(g2) > NEXT_TO_NOTHING:
+            f1, f2 = f11 * f1 + n * f2, f22 * f2 - n * f1
+            g1, g2 = f11 * g1 + n * g2, f22 * g2 - n * g1
+        else:
+            f1, f2, g1, g2 = 0.0, 0.0, 0.0, 0.0
     return sums
 
 

@@ -115,9 +115,9 @@ def _scatter_explains(solved: Solved) -> bool:
     frequency does goes with time, too."""
     parts = []
     for k, drive in enumerate(solved.setup.drives):
-        _, which, _, gain, loaded = gains_of_engagements(solved, k)
+        T, starts, _, gain, loaded = gains_of_engagements(solved, k)
         share = np.cumsum(drive.dt_s)[drive.w > 0] / float(drive.dt_s.sum())
-        at = (np.bincount(which, share) / np.maximum(np.bincount(which), 1))[loaded]
+        at = (np.add.reduceat(share, starts) / np.diff(np.append(starts, len(T))))[loaded]
         parts.append((at - at.mean(), gain[loaded] - gain[loaded].mean()))
     t, d = (np.concatenate(one) for one in zip(*parts, strict=True))
     spare = float(len(t) - len(parts) - 1)

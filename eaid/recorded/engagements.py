@@ -9,6 +9,7 @@ noise over theirs.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +25,19 @@ from eaid.plant.drive import Drive
 from eaid.recorded.from_logs import Setup, Solved, fit_setup, idle_found, setup_of
 
 
-def engagements(drive: Drive) -> NDArray[np.intp]:
-    """Number of the engagement that a row belongs to, (n,): each begins where the input leaves rest."""
-    loaded = drive.duty[drive.which] != 0
-    begins = np.append(loaded[0], loaded[1:] & ~loaded[:-1])
-    return np.asarray(np.maximum(np.cumsum(begins) - 1, 0))
+def engagement_starts(drive: Drive) -> NDArray[np.intp]:
+    """At which of the rows that count each engagement begins, (M,): where the input leaves rest, the first at 0."""
+    loaded, counted = (drive.duty != 0)[drive.which], drive.w > 0
+    begins = np.flatnonzero(loaded[1:] & ~loaded[:-1]) + 1
+    begins = begins if loaded[0] else begins[1:]  # a rest before the first is a part of it
+    rows = np.cumsum(counted)[begins - 1] if not counted.all() else begins
+    rows = np.unique(np.append(0, rows))
+    return np.asarray(rows[rows < np.count_nonzero(counted)], dtype=np.intp)
+
+
+def of_rows(values: NDArray[Any], starts: NDArray[np.intp], rows: int) -> NDArray[Any]:
+    """At each of so many rows the value of its engagement, (N,)."""
+    return np.repeat(values, np.diff(np.append(starts, rows)))
 
 
 WINDOW_S = 2.0  # Stretch over which the density of the noise is taken [s] …
@@ -73,13 +82,14 @@ class EngagementScatter:
 
 
 def gains_of_engagements(solved: Solved, k: int) -> tuple[Array, NDArray[np.intp], Array, Array, NDArray[np.bool_]]:
-    """Of a log the model's output (N,) and the engagement of each row, (N,); of its engagements Σ T², by what part the
-    model lies above the recorded output, and whether they are loaded enough to tell it."""
-    drive, r = solved.setup.drives[k], solved.missed[k]
-    T, which = solved.outputs[k] - idle_found(solved, k) + r, engagements(drive)[drive.w > 0]
-    square = np.asarray(np.bincount(which, T**2), dtype=np.float64)
+    """Of a log the model's output (N,); of its engagements the rows at which they begin, Σ T², by what part the model
+    lies above the recorded output, and whether they are loaded enough to tell it."""
+    r, starts = solved.missed[k], engagement_starts(solved.setup.drives[k])
+    T = solved.outputs[k] - idle_found(solved, k) + r
+    square = np.add.reduceat(T * T, starts)
     loaded = np.asarray(square > LEAST_LOAD * square.mean())
-    return T, which, square, np.where(loaded, np.bincount(which, T * r) / np.maximum(square, 1e-300), 0.0), loaded
+    gain = np.where(loaded, np.add.reduceat(T * r, starts) / np.maximum(square, 1e-300), 0.0)
+    return T, starts, square, gain, loaded
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +111,12 @@ def without_gains(solved: Solved, logs: Sequence[RecordedLog]) -> list[RecordedL
         return []
     found, each = [], [gains_of_engagements(solved, k) for k in range(len(logs))]
     mean = float(np.concatenate([1 - gain[loaded] for _, _, _, gain, loaded in each]).mean())
-    for k, (log, (_, which, _, gain, loaded)) in enumerate(zip(logs, each, strict=True)):
+    for k, (log, (T, starts, _, gain, loaded)) in enumerate(zip(logs, each, strict=True)):
         known, idle = np.isfinite(log.output), idle_found(solved, k) + (log.baseline or 0.0)
-        if known.sum() != len(which):
+        if known.sum() != len(T):
             return []
         own, output = np.where(loaded, (1 - gain) / mean, 1.0), log.output.copy()
-        output[known] = idle + (output[known] - idle) / np.maximum(own[which], SMALLEST_GAIN)
+        output[known] = idle + (output[known] - idle) / of_rows(np.maximum(own, SMALLEST_GAIN), starts, len(T))
         found.append(replace(log, output=output))
     return found
 
@@ -172,14 +182,15 @@ def free_gains(setup: Setup, x: Array, weight: float) -> list[FreedLog]:
     for k, (drive, place) in enumerate(zip(setup.drives, setup.places, strict=True)):
         (J, r), known, idle = setup.jacobian(x, k), drive.w > 0, int(place.own[0])
         T = r + np.sqrt(drive.w[known]) * (drive.y[known] - (x[idle] if idle >= 0 else 0.0))
-        which = engagements(drive)[known]
-        square = np.bincount(which, T * T)
+        starts = engagement_starts(drive)
+        square = np.add.reduceat(T * T, starts)
         loaded = square > LEAST_LOAD * square.mean()
-        share = np.where(loaded[which], T / np.maximum(square, 1e-300)[which], 0.0)
-        of_gains = np.array([np.bincount(which, share * column) for column in J.T]).T  # G_e
-        T = np.where(loaded[which], T, 0.0)
-        left = r - T * np.bincount(which, share * r)[which]
-        Z = J - (T - weight * share)[:, None] * of_gains[which]
+        counts = np.diff(np.append(starts, len(T)))
+        share = T * np.repeat(loaded / np.maximum(square, 1e-300), counts)
+        of_gains = np.array([np.add.reduceat(share * column, starts) for column in J.T]).T  # G_e
+        T = T * np.repeat(loaded, counts)
+        left = r - T * np.repeat(np.add.reduceat(share * r, starts), counts)
+        Z = J - (T - weight * share)[:, None] * np.repeat(of_gains, counts, axis=0)
         found.append(FreedLog(Z, J, r, left, weight * of_gains[loaded]))
     return found
 
@@ -208,13 +219,13 @@ def scatter_of(solved: Solved, followed: float) -> tuple[EngagementScatter, Sequ
     what the gains explain; the fit has `followed` so many of them."""
     gains, squares, fourths, cleaned, outputs, steps = [], [], [], [], [], []
     for k, drive in enumerate(solved.setup.drives):
-        T, which, square, gain, loaded = gains_of_engagements(solved, k)
+        T, at, square, gain, loaded = gains_of_engagements(solved, k)
         r = solved.missed[k]
         steps.append(float(drive.dt_s.sum()) / len(r))
         gains.append(gain[loaded])
         squares.append(square[loaded] * steps[-1])
-        fourths.append(np.bincount(which, T**4)[loaded] * steps[-1])
-        cleaned.append(r - gain[which] * T)
+        fourths.append(np.add.reduceat(T**4, at)[loaded] * steps[-1])
+        cleaned.append(r - of_rows(gain, at, len(r)) * T)
         outputs.append(T)
     gamma, T2, T4 = np.concatenate(gains), np.concatenate(squares), np.concatenate(fourths)
     if len(gamma) < FEWEST_ENGAGEMENTS:
@@ -243,7 +254,8 @@ def lag_scatter(
     S, moved, own, sizes = [], [], [], []
     for k, (drive, place) in enumerate(zip(setup.drives, setup.places, strict=True)):
         known, idle, first, count = drive.w > 0, int(place.own[0]), 0, len(place.columns)
-        which, root, one = engagements(drive)[known], np.sqrt(drive.w[known]), solved.setup.drives[k]
+        begins, root, one = engagement_starts(drive), np.sqrt(drive.w[known]), solved.setup.drives[k]
+        which = of_rows(np.arange(len(begins)), begins, len(root))
         stands_for = (drive.w[known] / float(one.w.max()))[:, None]
         above = root * (drive.y[known] - (solved.x[idle] if idle >= 0 else 0.0))
         sums = np.zeros((int(which[-1]) + 1, 2 * count + 6))

@@ -13,7 +13,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes, keep_freed_memory, median
+from eaid.arrays import Array, extremes, median
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import map_unknowns, with_intervals
@@ -70,7 +70,6 @@ from eaid.steps.stepset import Level, StepSet
 
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
-MANY_ROWS = 1_000_000  # From which on arrays of them take long to be given and taken back
 MOST_HIDDEN = 0.2  # Part of the changes of an input that gaps may hide
 CHECK_A_CURVE = 4  # Levels that tell whether T_s(u) between them is that of its curve
 EXPLAINED_PCT = 80.0  # Of each log, from which on its steps by themselves are not asked
@@ -293,8 +292,6 @@ def fit_recorded(
     rises; `dead_time_s` of single steps is taken over where the logs are fitted better with it.
     """
     logs = [run if isinstance(run, RecordedLog) else recorded_log(run, rest) for run in runs]
-    if sum(len(log.time_s) for log in logs) >= MANY_ROWS:
-        keep_freed_memory()
     made = (run.synthetic for run in runs if isinstance(run, Run) and run.synthetic)
     experiment = experiment_of(logs, options or FitOptions(), steps, falls=falls)
     experiment = replace(experiment, dead_time_s=dead_time_s, synthetic=next(made, None))

@@ -296,7 +296,8 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
 
 
 TAUS_TRIED = 17  # Values of τ on the grid, from half a sample to the longest log
-GRID_ROWS = 8_000  # Of a log, from its first on, by which places of a grid are compared
+# Of a log, from its first on, by which places of a grid are compared, and by which ends of starts, and kinds, are
+GRID_ROWS, COMPARED_ROWS = 8_000, 60_000
 VALUES_TRIED = 3  # Values tried at each input
 
 
@@ -442,8 +443,9 @@ class Solved:
 
 def fit_setup(setup: Setup) -> Solved:
     """The least-squares unknowns, from our own starts."""
-    near = setup.problem()
-    ends = sorted((approach(near, x) for x in starts(setup, near)), key=lambda end: end.cost)
+    some = replace(setup, drives=tuple(beginning(drive, COMPARED_ROWS) for drive in setup.drives))
+    near = some.problem()
+    ends = sorted((approach(near, x) for x in starts(some, near)), key=lambda end: end.cost)
     reach = RIVAL_COST if all(one.log.stepwise for one in setup.copies) else np.inf  # averages have errors of their own
     rivals = [end for end in ends if end.cost <= (1 + reach) * ends[0].cost + near.floor]
     kept = {f"{end.cost:.5g}": end.x for end in reversed(rivals)}  # one of each cost

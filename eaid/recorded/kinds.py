@@ -29,7 +29,7 @@ from eaid.plant.drive import Drive, beginning, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
 from eaid.recorded.few_rows import MOVING_ROWS, Copies
-from eaid.recorded.from_logs import GRID_ROWS, Setup, Solved, fit_near, setup_of, with_dead_time
+from eaid.recorded.from_logs import COMPARED_ROWS, GRID_ROWS, Setup, Solved, fit_near, setup_of, with_dead_time
 
 SHARED = [0, 4, 5]  # What `swinging_sums` have of all logs: the answer, its rate, and the output
 GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 18  # Of the grid
@@ -399,5 +399,5 @@ def integrates(search: Search, best: Tried) -> bool:
 
 
 def few_rows(log: Copies) -> Drive:
-    """Every row of a log that is not long, else a few that cost what it costs."""
-    return log.log.drive if len(log.log.time_s) <= MOVING_ROWS else log.small
+    """Every row of a log that is not long, else a few that cost what it costs, of its begin where these are many."""
+    return beginning(log.log.drive if len(log.log.time_s) <= MOVING_ROWS else log.small, COMPARED_ROWS)

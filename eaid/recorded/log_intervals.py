@@ -27,7 +27,7 @@ from eaid.recorded.engagements import (
     GAINS_SEEN,
     EngagementScatter,
     FreedLog,
-    engagements,
+    engagement_starts,
     free_gains,
     gains_weight,
     lag_scatter,
@@ -100,7 +100,8 @@ def bin_log(solved: Solved, clean: Setup, log: int, freed: "FreedLog | None" = N
         at += len(Z)
     sizes = np.add.reduceat(output, starts) / np.diff(np.append(starts, len(output)))
     bin_s = step * float(drive.dt_s.sum()) / max(len(output), 1)
-    squares, engaged = np.add.reduceat(output**2, starts), engagements(drive)[counted][starts]
+    squares = np.add.reduceat(output * output, starts)
+    engaged = np.searchsorted(engagement_starts(drive), starts, side="right")
     return BinnedLog(starts, sizes, plain, scaled, squares, step, bin_s, engaged), H
 
 
