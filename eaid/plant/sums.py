@@ -38,7 +38,7 @@ def linear_sums(drive: Drive, by_steady: Array, tau1: Array, tau2: Array, share:
     return sums
 
 
-@machine_code(nogil=True)
+@machine_code(nogil=True, fastmath={"contract"})
 def swinging_sums(drive: Drive, gains: Array, tau: float, zeta: float) -> Array:
     """Σ w s s', (6, 6), of two lags in series or ringing: s the answer to the different `gains` of the inputs, idle
     output, both states at the first row; of the state's rate the answer; then y."""
@@ -50,8 +50,9 @@ def swinging_sums(drive: Drive, gains: Array, tau: float, zeta: float) -> Array:
         if drive.w[k] > 0.0:
             s[0], s[2], s[3], s[4], s[5] = x1, f1, g1, x2, drive.y[k]
             for i in range(6):
-                for j in range(6):
-                    sums[i, j] += drive.w[k] * s[i] * s[j]
+                weighed = drive.w[k] * s[i]
+                for j in range(i + 1):
+                    sums[i, j] += weighed * s[j]
         step = drive.dt_s[k]
         if step != last:
             c, n = swung(zeta, step / tau)
@@ -63,6 +64,8 @@ def swinging_sums(drive: Drive, gains: Array, tau: float, zeta: float) -> Array:
             g1, g2 = f11 * g1 + n * g2, f22 * g2 - n * g1
         else:
             f1, f2, g1, g2 = 0.0, 0.0, 0.0, 0.0
+    for i in range(6):
+        sums[:i, i] = sums[i, :i]
     return sums
 
 

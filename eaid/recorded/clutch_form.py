@@ -12,6 +12,7 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog
+from eaid.estimate.solver import approach
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE, share_is_told
 from eaid.levels.from_steps import ENDLESS_RECORDS
@@ -21,7 +22,7 @@ from eaid.recorded.engagements import gains_of_engagements
 from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, fit_falls_as_left, fit_with_falls, list_tests, test_falls
 from eaid.recorded.from_logs import Solved, fit_near, fit_setup, fit_through, plant_found, setup_of
 from eaid.recorded.inputs import FEW_LEVELS, NEXT_TO_REST, Excited, Experiment
-from eaid.recorded.kinds import SLOW_PART, Search, Tried, noise_saves
+from eaid.recorded.kinds import KINDS_SETTLED, SLOW_PART, Search, Tried, noise_saves
 from eaid.recorded.late import Delay, fit_behind_dead_time, follows_output
 from eaid.recorded.log_intervals import spread
 from eaid.results.recorded import FallTest, KindTried
@@ -131,21 +132,26 @@ def with_own_falls(base: Solved, experiment: Experiment) -> Solved:
 def refit_with_share_free(held: Solved) -> tuple[Solved, float] | None:
     """A fit with C free, be it so already, and its half-width, where logs reject the one that was held and tell
     another."""
-    free = held
-    if held.fitted.model.share is not None:
-        free = free_share(held, held.fitted.model.share)
-    at = free.fitted.model.size - 1
-    if free is not held and (free.cost > held.cost - noise_saves(held, 1) or not 0 < free.x[at] < 1):
-        return None
+    free, model = held, held.fitted.model
+    at = model.size - model.free_share
+    if model.share is not None:
+        near = free_share(held, model.share)
+        if near.cost > held.cost - noise_saves(held, 1) or not 0 < near.x[at] < 1:
+            return None
+        free = fit_near(near.fitted, near.x)
     half = spread(free).of(np.eye(len(free.x))[at])
     sure = abs(free.x[at] - SHARE) > half and share_is_told(free.x[at] - half, free.x[at] + half)
     return (free, half) if sure else None
 
 
 def free_share(held: Solved, share: float) -> Solved:
-    """The fit with C as an unknown, from where it was held at."""
+    """The fit with C as an unknown, next to its end, from where it was held at."""
     model = held.fitted.model
-    return fit_near(replace(held.fitted, model=replace(model, share=None)), np.insert(held.x, model.size, share))
+    free = replace(held.fitted, model=replace(model, share=None))
+    end = approach(free.problem(), np.insert(held.x, model.size, share), near=KINDS_SETTLED)
+    if not all(one.log.stepwise for one in free.copies):  # of which these are but averages
+        end = approach(free.every.problem(), end.x, near=KINDS_SETTLED)
+    return replace(held, fitted=free, x=end.x, cost=end.cost)
 
 
 def lay_over_all(clutch: Solved, inputs: Excited) -> Solved:

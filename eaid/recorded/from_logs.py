@@ -7,7 +7,7 @@ on every sample, and what one more of them would gain is the verdict, as with th
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,8 @@ from eaid.results.common import Solver
 from eaid.steps.noise import effective_samples
 
 NO_ROW = 1e-6  # Part of a row below which a dead time is none
+# Of a log, from its first on, by which places of a grid are compared, and by which ends of starts, and kinds, are
+GRID_ROWS, COMPARED_ROWS = 8_000, 60_000
 ROWS_AT_ONCE = 30_000  # Of a log whose derivatives are worked out: they stay near the processor
 # What a model can have besides its coefficients, with the values that do nothing
 NO_EXTRAS = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,), "dead": (0.0,)}
@@ -184,10 +186,15 @@ class Setup:
         """The same as far as it is the plant's."""
         return 0.0 if self.between_rows else self.dead_time(x)
 
+    def acting(self, log: int, theta_s: float) -> Drive:
+        """A log's inputs where they act; of few rows made once for all places with one dead time."""
+        few = len(self.drives[log].w) <= COMPARED_ROWS
+        return delay_log(self, log, theta_s) if few else delayed(self.drives[log], theta_s)
+
     def derivatives(self, x: Array, log: int, of_unknowns: bool = True, rows: int = ROWS_AT_ONCE) -> Iterator[Array]:
         """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1), some rows at a
         time; where it is not `of_unknowns`, the residuals alone, (N, 1)."""
-        place, drive = self.places[log], delayed(self.drives[log], self.dead_time(x))
+        place, drive = self.places[log], self.acting(log, self.dead_time(x))
         (tables, scalars), kernel, count = self.tables(x, log), place.kernel[:AT_CREEP], len(place.columns)
         if not of_unknowns:
             none = np.zeros((len(drive.duty), 0))
@@ -244,6 +251,12 @@ class Setup:
         return Problem(self.together, A, b, codes.__getitem__, floor=ROUNDING * energy)
 
 
+@lru_cache(maxsize=32)
+def delay_log(setup: Setup, log: int, theta_s: float) -> Drive:
+    """The inputs of a log behind a dead time."""
+    return delayed(setup.drives[log], theta_s)
+
+
 def setup_of(
     model: Model, logs: Sequence[RecordedLog | Copies], idle_free: bool = True, dead_time_s: float = 0.0,
     falls_as_left: bool = False, extras: tuple[str, ...] = (), creeping: int = 0,
@@ -296,8 +309,6 @@ def linear_parts(setup: Setup, shapes: Sequence[Array] | Array) -> tuple[Array, 
 
 
 TAUS_TRIED = 17  # Values of τ on the grid, from half a sample to the longest log
-# Of a log, from its first on, by which places of a grid are compared, and by which ends of starts, and kinds, are
-GRID_ROWS, COMPARED_ROWS = 8_000, 60_000
 VALUES_TRIED = 3  # Values tried at each input
 
 
