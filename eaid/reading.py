@@ -244,6 +244,14 @@ def mostly_ramps(steps: Sequence[Run]) -> bool:
     return 2 * len(ramps) > len(rises)
 
 
+def only_falls(steps: Sequence[Run]) -> bool:
+    """Whether no step rises, of inputs that are known: what their falls begin from tells the plant, as logs do."""
+    return bool(steps) and all(
+        run.edge == "falling" and run.has_input and run.position is None and run.kind in (None, "clutch")
+        for run in steps
+    )
+
+
 def as_logs(runs: Sequence[Run], steps: Sequence[Run], rest: float) -> list[Run]:
     """Runs as logs of any input: as they were read where that is known, else the `steps` that were cut out of them,
     with their level from the step on, or up to it, each joined to what it goes on from."""
@@ -314,7 +322,7 @@ def steps_in(
     if faults or more:
         raise DataError(*faults, *more)
     beside = bool(uncut) and not any(run.position is not None or run.kind not in (None, "clutch") for run in whole)
-    if how == "auto" and (beside or two_sided(steps) or mostly_ramps(steps)):
+    if how == "auto" and (beside or two_sided(steps) or mostly_ramps(steps) or only_falls(steps)):
         uncut, whole, steps = [*uncut, *as_logs(whole, steps, options.rest)], [], []
     steps = counted_once([bridged(Cut(run)) for run in steps] if options.repair else steps)
     rises = Counter(run.source for run in steps if run.edge == "rising" and run.from_level == 0)

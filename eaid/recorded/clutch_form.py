@@ -12,17 +12,16 @@ import numpy as np
 from eaid.arrays import Array
 from eaid.estimate import forms
 from eaid.estimate.recorded_log import RecordedLog
-from eaid.estimate.solver import approach
 from eaid.findings import Finding, finding
 from eaid.levels.creep import SHARE_CHANCE, share_is_told
 from eaid.levels.from_steps import ENDLESS_RECORDS
 from eaid.plant.dynamics import SHARE
 from eaid.plant.forms import Knots, PerLevel, knots_at, torque_form
 from eaid.recorded.engagements import gains_of_engagements
-from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, fit_falls_as_left, fit_with_falls, list_tests, test_falls
-from eaid.recorded.from_logs import Solved, fit_near, fit_setup, fit_through, plant_found, setup_of
+from eaid.recorded.fall_tests import FALL_CHANCE, FALL_NAMES, add_falls, fit_falls_as_left, list_tests, test_falls
+from eaid.recorded.from_logs import Solved, come_near, fit_near, fit_setup, fit_through, plant_found, setup_of
 from eaid.recorded.inputs import FEW_LEVELS, NEXT_TO_REST, Excited, Experiment
-from eaid.recorded.kinds import KINDS_SETTLED, SLOW_PART, Search, Tried, noise_saves
+from eaid.recorded.kinds import SLOW_PART, Search, Tried, noise_saves
 from eaid.recorded.late import Delay, fit_behind_dead_time, follows_output
 from eaid.recorded.log_intervals import spread
 from eaid.results.recorded import FallTest, KindTried
@@ -126,7 +125,7 @@ def fit_clutch_form(experiment: Experiment) -> Chosen:
 def with_own_falls(base: Solved, experiment: Experiment) -> Solved:
     """The fit with numbers of their own of all falls that held inputs tell; itself where they tell none."""
     names = list_tests(base.setup, True, free=True) if experiment.falls and experiment.inputs.stepwise else ()
-    return fit_with_falls(base, names) if names else base
+    return come_near(*add_falls(base, names)) if names else base
 
 
 def refit_with_share_free(held: Solved) -> tuple[Solved, float] | None:
@@ -147,11 +146,7 @@ def refit_with_share_free(held: Solved) -> tuple[Solved, float] | None:
 def free_share(held: Solved, share: float) -> Solved:
     """The fit with C as an unknown, next to its end, from where it was held at."""
     model = held.fitted.model
-    free = replace(held.fitted, model=replace(model, share=None))
-    end = approach(free.problem(), np.insert(held.x, model.size, share), near=KINDS_SETTLED)
-    if not all(one.log.stepwise for one in free.copies):  # of which these are but averages
-        end = approach(free.every.problem(), end.x, near=KINDS_SETTLED)
-    return replace(held, fitted=free, x=end.x, cost=end.cost)
+    return come_near(replace(held.fitted, model=replace(model, share=None)), np.insert(held.x, model.size, share))
 
 
 def lay_over_all(clutch: Solved, inputs: Excited) -> Solved:

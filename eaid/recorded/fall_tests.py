@@ -20,7 +20,7 @@ from eaid.estimate.forms import SLOWEST_TAU
 from eaid.findings import Finding, finding
 from eaid.levels.release import LEFT_SAVES
 from eaid.plant.forms import PerLevel
-from eaid.recorded.from_logs import NO_EXTRAS, Setup, Solved, fit_near, fit_through
+from eaid.recorded.from_logs import NO_EXTRAS, Setup, Solved, come_near, fit_near, fit_through
 from eaid.recorded.inputs import FEW_LEVELS, Excited
 from eaid.recorded.log_intervals import Spread, spread
 from eaid.results.recorded import FallTest
@@ -38,8 +38,9 @@ WIDEST_HALF = 1e6  # Half-width beyond which there is no interval
 
 
 def list_tests(setup: Setup, stepwise: bool, free: bool) -> tuple[str, ...]:
-    """Which of the three the inputs can tell: one that moves and is not free, but a loop's, tells none in between, and
-    falls to rest that go as the input that was left have none of their own."""
+    """Which of the three the inputs can tell: one that moves and is not free, but a loop's, tells none in between,
+    falls to rest that go as the input that was left have none of their own, and where nothing rises they are the
+    plant's."""
     rests = falls = 0
     for drive in setup.drives:
         level = drive.duty[drive.which]
@@ -47,7 +48,13 @@ def list_tests(setup: Setup, stepwise: bool, free: bool) -> tuple[str, ...]:
         rests += any(int((level[at + 1 :] == 0).argmin() or len(level) - at - 1) >= 8 for at in fell)
         falls += int(((level[1:] < level[:-1]) & (level[1:] >= setup.model.low)).sum())
     of_falls = ("fall", *("excess",) * bool(stepwise)) if falls >= 2 and (stepwise or free) else ()
-    return (*("rest",) * (bool(rests) and not setup.falls_as_left), *of_falls)
+    return (*("rest",) * (bool(rests) and not setup.falls_as_left), *of_falls) if not falls_alone(setup) else ()
+
+
+def falls_alone(setup: Setup) -> bool:
+    """Whether the logs' inputs fall, and nowhere rise: none of them begins at rest."""
+    changes = np.concatenate([np.diff(drive.duty[drive.which]) for drive in setup.drives])
+    return not any(drive.starts_idle for drive in setup.drives) and bool((changes < 0).any() and (changes <= 0).all())
 
 
 def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
@@ -92,9 +99,10 @@ def fit_falls_as_left(base: Solved) -> Solved:
     left = np.concatenate([drive.paces[drive.duty == 0] for drive in drives])
     if model.tau1.size < 2 or len(np.unique(np.clip(left[left > 0], model.low, model.high))) < 2:
         return base
-    own = fit_with_falls(base, ("rest",))
-    found = fit_near(replace(base.fitted, falls_as_left=True), base.x)
-    return found if found.cost < (1 - LEFT_SAVES) * min(own.cost, base.cost) else base
+    own = come_near(*add_falls(base, ("rest",)))
+    found = come_near(replace(base.fitted, falls_as_left=True), base.x)
+    better = found.cost < (1 - LEFT_SAVES) * min(own.cost, base.cost)
+    return fit_near(found.fitted, found.x) if better else base
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,11 +129,16 @@ def as_rises(solved: Solved, name: str) -> Array:
 
 def fit_with_falls(base: Solved, names: tuple[str, ...]) -> Solved:
     """The fit with some of rest, fall and excess as unknowns beside its own."""
+    return fit_near(*add_falls(base, names))
+
+
+def add_falls(base: Solved, names: tuple[str, ...]) -> tuple[Setup, Array]:
+    """The setup of a fit with these, and its unknowns as if falls went as rises do."""
     begin = np.concatenate([as_rises(base, name) for name in names])
     x, before, dead = base.x, base.fitted, base.fitted.at("dead")
     own = x[before.shared :] if dead < 0 else np.append(x[dead], x[before.shared :])
     extras = names if dead < 0 else (*names, "dead")
-    return fit_near(replace(before, extras=extras), np.r_[x[: before.model.size], begin, own])
+    return replace(before, extras=extras), np.r_[x[: before.model.size], begin, own]
 
 
 def without_falls(solved: Solved) -> Solved:
@@ -186,6 +199,7 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
 
 def _falls_findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, ...]:
     seen = "release-as-left" if solved.setup.falls_as_left else "release-not-seen"
+    seen = "rise-not-seen" if falls_alone(solved.setup) else seen
     findings, kept = [finding(seen, "release")], solved.setup.extras
     if "rest" in judgements:
         taus_s, chance = tuple(judgements["rest"].values.tolist()), judgements["rest"].chance

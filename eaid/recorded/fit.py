@@ -13,7 +13,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from eaid.arrays import Array, extremes, median
+from eaid.arrays import Array, extremes, median, white_squares
 from eaid.errors import DataError, UsageError
 from eaid.estimate import forms
 from eaid.estimate.coefficients import map_unknowns, with_intervals
@@ -71,6 +71,7 @@ from eaid.steps.stepset import Level, StepSet
 DRAWN_STRETCHES = 150  # Of a long log, each with the rows of its extremes
 DIGITS = 6  # Of the values that are drawn
 MOST_HIDDEN = 0.2  # Part of the changes of an input that gaps may hide
+NOISE_ALONE = 0.9  # Part of what an output moves that is white noise, from which on it does not move
 CHECK_A_CURVE = 4  # Levels that tell whether T_s(u) between them is that of its curve
 EXPLAINED_PCT = 80.0  # Of each log, from which on its steps by themselves are not asked
 
@@ -157,7 +158,12 @@ def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
     rows = []
     for i, level in enumerate(shown.tolist()):
         at = nearest == i
-        rows.append(errors([y[at]], [missed[at]]).at(level) if at.any() else LevelError(level))
+        row = errors([y[at]], [missed[at]]).at(level) if at.any() else LevelError(level)
+        if at.any() and white_squares(y[at]) > NOISE_ALONE * float(np.sum((y[at] - y[at].mean()) ** 2)):
+            row = msgspec.structs.replace(
+                row, fit_pct=None, R2=None
+            )  # it has settled: nothing is there to be explained
+        rows.append(row)
     return tuple(rows)
 
 

@@ -44,7 +44,7 @@ from eaid.steps.noise import effective_samples
 
 NO_ROW = 1e-6  # Part of a row below which a dead time is none
 # Of a log, from its first on, by which places of a grid are compared, and by which ends of starts, and kinds, are
-GRID_ROWS, COMPARED_ROWS = 8_000, 60_000
+GRID_ROWS, SEARCHED_ROWS = 8_000, 60_000
 ROWS_AT_ONCE = 30_000  # Of a log whose derivatives are worked out: they stay near the processor
 # What a model can have besides its coefficients, with the values that do nothing
 NO_EXTRAS = {"rest": (0.0, 0.0), "fall": (1.0, 1.0), "excess": (0.0,), "dead": (0.0,)}
@@ -188,7 +188,7 @@ class Setup:
 
     def acting(self, log: int, theta_s: float) -> Drive:
         """A log's inputs where they act; of few rows made once for all places with one dead time."""
-        few = len(self.drives[log].w) <= COMPARED_ROWS
+        few = len(self.drives[log].w) <= SEARCHED_ROWS
         return delay_log(self, log, theta_s) if few else delayed(self.drives[log], theta_s)
 
     def derivatives(self, x: Array, log: int, of_unknowns: bool = True, rows: int = ROWS_AT_ONCE) -> Iterator[Array]:
@@ -377,6 +377,7 @@ def inner(setup: Setup, x: Array, problem: Problem) -> Array:
 # A constraint a'x ≥ b holds a fit that ends within this part of b: where no cost tells, a solver stops short
 AT_BOUND = 1e-6
 RIVAL_COST = 0.05  # An end this part of the cost above the best is no rival
+COMPARED = 1e-6  # Part of the cost that a further step would gain, at which fits are compared
 AT_BEND = 1e-6  # Part of the cost by which holding a dead time may raise it
 # Newton steps along a bent valley, where τ1 and τ2 all but meet; of inputs that move every row, where each takes long
 LONG_WAY, LONG_WAY_MOVING = 1000, 20
@@ -454,7 +455,7 @@ class Solved:
 
 def fit_setup(setup: Setup) -> Solved:
     """The least-squares unknowns, from our own starts."""
-    some = replace(setup, drives=tuple(beginning(drive, COMPARED_ROWS) for drive in setup.drives))
+    some = replace(setup, drives=tuple(beginning(drive, SEARCHED_ROWS) for drive in setup.drives))
     near = some.problem()
     ends = sorted((approach(near, x) for x in starts(some, near)), key=lambda end: end.cost)
     reach = RIVAL_COST if all(one.log.stepwise for one in setup.copies) else np.inf  # averages have errors of their own
@@ -499,6 +500,14 @@ def fit_near(setup: Setup, x: Array) -> Solved:
     if not held.solver.converged or held.cost > solved.cost * (1 + AT_BEND):
         return solved
     return replace(solved, x=np.insert(held.x, at, theta), cost=held.cost, solver=held.solver)
+
+
+def come_near(setup: Setup, x: Array) -> Solved:
+    """Next to where `fit_near` would end, as far as fits are compared: the way to the very end may be long."""
+    end = approach(setup.problem(), x, near=COMPARED)
+    if not all(one.log.stepwise for one in setup.copies):  # of which these are but averages
+        end = approach(setup.every.problem(), end.x, near=COMPARED)
+    return Solved(setup, end.x, end.cost, solver_verdict(0.0, end.evaluations, [end.cost]))
 
 
 def fit_through(solved: Solved, form: Form) -> Solved:

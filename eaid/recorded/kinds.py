@@ -23,19 +23,28 @@ from scipy.special import chdtri
 from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.forms import in_parallel, of_kind
 from eaid.estimate.recorded_log import RecordedLog
-from eaid.estimate.solver import ROUNDING, approach, newton_step, solver_verdict
+from eaid.estimate.solver import ROUNDING, approach, newton_step
 from eaid.levels.creep import SHARE_CHANCE
 from eaid.plant.drive import Drive, beginning, delayed
 from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
 from eaid.plant.sums import lag_sums, swinging_sums
 from eaid.recorded.few_rows import MOVING_ROWS, Copies
-from eaid.recorded.from_logs import COMPARED_ROWS, GRID_ROWS, Setup, Solved, fit_near, setup_of, with_dead_time
+from eaid.recorded.from_logs import (
+    COMPARED,
+    GRID_ROWS,
+    SEARCHED_ROWS,
+    Setup,
+    Solved,
+    come_near,
+    fit_near,
+    setup_of,
+    with_dead_time,
+)
 
 SHARED = [0, 4, 5]  # What `swinging_sums` have of all logs: the answer, its rate, and the output
 GRID_TAUS, GRID_DAMPINGS, GRID_DELAYS = 14, (0.03, 0.2, 0.7, 1.3, 4.0), 18  # Of the grid
 LONGEST_DEAD_TIME = 0.2  # Part of the longest log that a dead time may take
 PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
-KINDS_SETTLED = 1e-6  # Part of the cost that a further step would gain, at which kinds are compared
 LAST_STEPS = 4
 THROUGH_ALL = 0.9  # Part of the squares that a gain through every level may leave at most
 MOST_SPECTRUM_ROWS = 2**20  # Of a log, in which its frequencies are looked for
@@ -240,8 +249,7 @@ def fit_kind_from(search: Search, kind: LagKind, gain: Form, begin: GridPlace | 
         x = carry_unknowns(begin, setup, gain)
     if kind.late:
         setup, x = with_dead_time(setup, x, theta)
-    end = approach(setup.problem(), solve_gain(setup, x), near=KINDS_SETTLED)
-    return Solved(setup, end.x, end.cost, solver_verdict(0.0, end.evaluations, [end.cost]))
+    return come_near(setup, solve_gain(setup, x))
 
 
 def carry_unknowns(near: Solved, setup: Setup, gain: Form) -> Array:
@@ -292,7 +300,7 @@ def refit_on_all(search: Search, one: Tried, last: bool = False) -> Tried:
     theta = solved.setup.dead_time(solved.x)
     setup = setup_of(model, search.copies(theta), True, theta, search.falls_as_left, solved.setup.extras)
     if not last:
-        end = approach(setup.problem(), solved.x, near=KINDS_SETTLED)
+        end = approach(setup.problem(), solved.x, near=COMPARED)
         return replace(one, solved=replace(solved, fitted=setup, x=end.x, cost=end.cost), within=0.0)
     ended = fit_near(setup, solved.x)
     problem = setup.every.problem()
@@ -400,4 +408,4 @@ def integrates(search: Search, best: Tried) -> bool:
 
 def few_rows(log: Copies) -> Drive:
     """Every row of a log that is not long, else a few that cost what it costs, of its begin where these are many."""
-    return beginning(log.log.drive if len(log.log.time_s) <= MOVING_ROWS else log.small, COMPARED_ROWS)
+    return beginning(log.log.drive if len(log.log.time_s) <= MOVING_ROWS else log.small, SEARCHED_ROWS)

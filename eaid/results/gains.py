@@ -64,7 +64,7 @@ class Timing(Result, frozen=True, dict=True):
         if not 1 / 20.5 <= samples <= 100.5:
             raise UsageError(
                 f"a PWM of {self.pwm_hz:g} Hz under control at {self.rate_hz:g} Hz is outside what margins are worked "
-                "out for (0.05 to 100 samples a period); check «pwm_hz»"
+                "out for (0.05 to 100 samples a period); take rates nearer to each other"
             )
         ratio = Fraction(samples).limit_denominator(max(1, min(20, int(LARGEST_DIVISOR / samples))))
         return ratio.numerator, ratio.denominator

@@ -38,6 +38,7 @@ from eaid.sessions.gather import (
     NO_INTERVAL,
     RESPONSES,
     SessionValue,
+    between,
     of_whole_plant,
     plant_moved,
     snapped,
@@ -168,13 +169,16 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     @property
     def tune_anew(self) -> bool | None:
         """Whether gains are to be made for A: its B left their range, or where none are given A moved. None: perhaps,
-        a reference step tells."""
-        return bool(self.files) and (self.changed if self.retune is None else self.retune.needed)
+        as a reference step tells, or the gains do."""
+        if self.retune is not None:
+            return bool(self.files) and self.retune.needed
+        return self.changed or (None if any(one.changed for one in self.shifts) else False)
 
     @property
     def retuning(self) -> str:
         """Whether to make gains anew, in words."""
-        said = "likely, as A moved" if self.changed else "no sign of it"
+        others = ", ".join(CALLED[one.quantity] for one in self.shifts if one.changed)
+        said = "likely, as A moved" if self.changed else f"perhaps, as {others} moved" if others else "no sign of it"
         asked = f"{said}; «gains» gains.json holds the range of the gains against A"
         return asked if self.retune is None else self.retune.words()
 
@@ -238,7 +242,12 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
 
 def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     """One number against another session's at the levels that both hold; None where they hold none."""
-    both = snapped([*_seen(one, quantity, "A"), *_seen(other, quantity, letter)])
+    of_one, of_other = _seen(one, quantity, "A"), _seen(other, quantity, letter)
+    if not other.data.levels:  # whose inputs move, and are shown at some
+        of_other = between(of_other, [value.level for value in of_one])
+    elif not one.data.levels:
+        of_one = between(of_one, [value.level for value in of_other])
+    both = snapped([*of_one, *of_other])
     a, b = ({value.level: value for value in both if value.session == of} for of in ("A", letter))
     levels = sorted(a.keys() & b.keys())
     if not levels:

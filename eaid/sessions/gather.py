@@ -170,6 +170,20 @@ def snapped(values: Sequence[SessionValue]) -> list[SessionValue]:
     return [one if same[one.level] == one.level else replace(one, level=same[one.level]) for one in values]
 
 
+def between(values: Sequence[SessionValue], levels: Sequence[float]) -> list[SessionValue]:
+    """Values of a curve at other levels than those at which it was shown, within these."""
+    if len(values) < 2:
+        return list(values)
+    rows = np.array([(one.level, np.log(one.value), one.sd_log, one.dof) for one in values])
+    u, *known = rows[np.argsort(rows[:, 0])].T
+    at = [level for level in levels if u[0] <= level <= u[-1]]
+    rows = np.array([np.interp(at, u, one) for one in known]).T
+    return [
+        SessionValue(values[0].session, level, float(np.exp(log)), float(sd), float(dof))
+        for level, (log, sd, dof) in zip(at, rows, strict=True)
+    ]
+
+
 def logs_of(fit: Fit) -> tuple[Input, ...]:
     """The logs behind a fit, each once."""
     return tuple(Input(*one) for one in dict.fromkeys((one.path, one.sha256) for one in fit.data.sources))

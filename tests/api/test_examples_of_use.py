@@ -42,6 +42,7 @@ def held(levels, hold_s, rate_hz, dead_s, tau1, tau2, gain):
     return t, np.repeat(levels, rows), y
 
 
+@pytest.mark.slow
 def test_a_level_whose_tau2_is_open_keeps_its_torque_and_all_that_follows_goes_on():
     levels = (10.0, 32.0, 55.0, 78.0, 100.0)
     fit = eaid.fit({f"u{u:g}r{k}": step(u, k, 1.5 if u == 10 else 8.0) for u in levels for k in range(3)})
@@ -53,6 +54,7 @@ def test_a_level_whose_tau2_is_open_keeps_its_torque_and_all_that_follows_goes_o
     assert len(eaid.plan(fit, want="Ts=5,tau1=10", check=False).levels) >= 4
 
 
+@pytest.mark.slow
 def test_a_good_log_of_several_levels_is_stopped_by_no_step_that_its_noise_hides():
     t, u, y = held((0.0, 40.0, 90.0, 60.0, 62.0, 20.0), 3.0, 20.0, 0.0, TAU1, TAU2, steady)
     noise = lfilter([0.43], [1, -0.9], np.random.default_rng(2).normal(size=t.size))  # remembers 0.5 s

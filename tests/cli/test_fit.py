@@ -97,6 +97,7 @@ def test_the_tracking_error_of_a_noisy_fit_is_that_of_its_plant(seed, tmp_path, 
     assert 0.95 * 0.087 < json.loads(ran.out)["controllers"]["rc"]["max_abs_error_nm"] < 1.05 * 0.102
 
 
+@pytest.mark.slow
 def test_a_verdict_names_options_as_they_are_typed(tmp_path, monkeypatch, run_eaid):
     """Torque in counts: terminal, gains and page say --units, a notebook units=."""
     monkeypatch.chdir(tmp_path)

@@ -99,6 +99,7 @@ SATURATING = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("form", "falls"), [pytest.param("tanh", False, marks=pytest.mark.slow), ("exponential", True)]
 )
@@ -272,12 +273,15 @@ def test_runs_that_start_apart_are_laid_on_each_other() -> None:
         assert low < true_tau1(u) < high < 1.1 * true_tau1(u)
 
 
-def test_falls_alone_are_refused_with_what_is_missing() -> None:
+def test_falls_alone_tell_the_plant_and_that_rises_are_assumed() -> None:
+    """Of inputs that are known; they were single steps, "usable yes", without a plant."""
     t = np.arange(0.0, 10.0, 0.01)
     gone, held = 0.02 * np.exp(-np.maximum(t - 3, 0) / 0.3), t < 3
     falls = {u: {"time_s": t, "duty_pct": u * held, "torque_nm": u * gone} for u in np.arange(20.0, 101.0, 20.0)}
-    with pytest.raises(eaid.DataError, match="no rise, from rest or between levels, .*record the rise before it"):
-        eaid.fit({f"u{u}": pd.DataFrame(one) for u, one in falls.items()})
+    fit = eaid.fit({f"u{u}": pd.DataFrame(one) for u, one in falls.items()})
+    assert fit.plant.steady(60.0) == pytest.approx(1.2, rel=1e-6)
+    assert fit.plant.time_constants(60.0)[0] == pytest.approx(0.3, rel=1e-6)
+    assert fit.verdict.usable and "rise-not-seen" in {one.code for one in fit.findings}
 
 
 def test_the_overshoot_that_is_told_is_the_loops_behind_its_dead_time():

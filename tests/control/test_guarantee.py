@@ -125,6 +125,7 @@ def test_no_drawn_design_says_yes_wrongly(judged):
             assert beyond(gains, reference[1], 20, said, 14.0) == 0, gains.options
 
 
+@pytest.mark.slow
 def test_the_duty_asked_is_that_of_the_worst_plant_along_the_reference(judged):
     """η̂(T_d) ± φ + B Ṫ_d at each sample, both B, by the page."""
     reference = triangle(1.5, 3.5, 3.0, 1.4)  # both slopes

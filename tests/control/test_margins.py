@@ -203,6 +203,7 @@ def test_a_flat_top_has_the_slope_that_its_intervals_allow():
     assert may_be_steeper(points, plant, ends, 0.0)[-1].plant.gain < 0
 
 
+@pytest.mark.slow
 def test_gains_of_a_ringing_plant_keep_their_margins_where_its_gain_ends(fit_of):
     """Its T_s is known by levels of the plant, as the clutch's is by its own: a phase margin of 49° was one of 35°."""
     plant = {"kind": "ringing", "Ts": [0.0, 0.5], "tau1": [0.05], "tau2": [], "zeta": 0.25, "u_range": [2.0, 10.0]}

@@ -162,6 +162,7 @@ def test_gains_json_by_another_hand_is_held_to_what_a_loop_takes(fit_of, tmp_pat
     assert words in str(refusal.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", [
     pytest.param(Plant((0.55,), (0.55,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=1.2), marks=pytest.mark.slow),
     Plant((0.2,), (0.2,), (0.0, 0.04), (20.0, 100.0), C=1.0, zeta=0.3),

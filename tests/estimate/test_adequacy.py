@@ -32,6 +32,7 @@ def usual(duty: float) -> np.ndarray:
     return step_response(Step(0.01 * duty + 3e-4 * duty**2, 0.2 + 0.004 * duty, 3 + 0.05 * duty), T)
 
 
+@pytest.mark.slow
 def test_a_ripple_of_a_homed_rotor_is_no_fine_print() -> None:
     """4 % at the same phase of every run: τ2 was 36 to 330 % off within ± 12 %, beside a note."""
     fit = eaid.fit(stepset(lambda u: usual(u) * (1 + 0.04 * np.sin(2 * np.pi * T / 6 + 1))))
@@ -66,6 +67,7 @@ def test_another_share_is_taken_or_recommended() -> None:
     assert told["low"] <= fit.plant.C <= told["high"] and pytest.approx(0.5, abs=1e-3) == fit.plant.C
 
 
+@pytest.mark.slow
 def test_levels_that_no_polynomial_follows_are_told() -> None:
     def tau1(duty: float) -> float:
         return 0.5 + 0.25 * np.sin(duty / 12)

@@ -61,7 +61,12 @@ def played(fit: eaid.Fit) -> list[float | None]:
 
 
 @pytest.mark.parametrize(
-    ("C", "creep"), [(0.85, 0.006), (0.75, 0.0), pytest.param(0.78, -0.006, marks=pytest.mark.slow), (0.85, 0.0)]
+    ("C", "creep"),
+    [
+        (0.85, 0.006),
+        (0.85, 0.0),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in ((0.75, 0.0), (0.78, -0.006))),
+    ],
 )
 def test_what_is_there_is_found_and_no_more(C: float, creep: float, tmp_path: Path) -> None:
     """A creep of 2 % of the highest output in a hold was taken for a C of 0.75, and τ2 was a half."""
@@ -127,6 +132,7 @@ def faded(fade: float, C: float = 0.85, **more: Any) -> list[pd.DataFrame]:
     return logs(C, seed=1, fade=fade, hold_s=30.0, **more)
 
 
+@pytest.mark.slow
 def test_a_fade_in_proportion_is_taken_off(tmp_path: Path) -> None:
     """One of 3 % in 30 s made τ2 a third too short, ± 1 %, and C another, "usable"."""
     for k, log in enumerate(faded(0.001), 10):

@@ -241,6 +241,7 @@ def test_held_out_levels_are_predicted_not_fitted(clutch_set: Maker) -> None:
     assert beyond.levels == (100.0,) and beyond.subject == "nonlinear"
 
 
+@pytest.mark.slow
 def test_held_out_friction_levels_are_predicted_by_the_trends(friction_set: Maker) -> None:
     curves = {f: Step(0.015 * f, 0.1 + 2 * np.exp(-f / 30), 1 + 20 * np.exp(-f / 40)) for f in np.arange(20.0, 180, 20)}
     found = quick(friction_set("friction-force", "N", curves), hold_out=(100.0,)).friction
@@ -266,6 +267,7 @@ def test_huber_sees_past_spikes_and_is_at_the_minimum_of_its_own_loss(clutch_set
     assert cut < 0.1 * np.abs(missed).max()
 
 
+@pytest.mark.slow
 def test_trends_need_levels_and_units(friction_set: Maker) -> None:
     curves = {p: Step(10.0 + p, 0.1, 1.0) for p in (1.0, 3.0, 5.0, 7.0)}
     found = quick(friction_set("friction-force", "bar", curves))

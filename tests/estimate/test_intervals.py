@@ -85,6 +85,7 @@ def test_the_joint_fit_is_not_believed_where_scatter_leads_it_astray() -> None:
     assert joint.nonlinear.rmse < auto.nonlinear.rmse  # the joint fit has the least squares, not the best curves
 
 
+@pytest.mark.slow
 def test_no_level_loses_its_steady_torque_where_the_record_leaves_tau2_open() -> None:
     """Ten levels × three runs of 8 s for a τ2 of 5 to 17 s: every T_s is quoted, and right."""
     base, held = coverage.VARIANTS["base"], []
@@ -158,6 +159,7 @@ def test_one_level_cannot_tell_b0_from_c0() -> None:
     assert sure.linear.ci95.c0 is None
 
 
+@pytest.mark.slow
 def test_a_parameter_at_its_constraint_is_not_estimable() -> None:
     """A torque that overshoots wants a slow part that comes before the fast one: τ2 falls on τ1."""
     made = steps([Step(1.0 + i, 0.5, 0.5) for i in range(4)], record_s=10.0, sd=0.002, runs=2)
@@ -211,6 +213,7 @@ def test_single_runs_are_known_as_well_in_another_unit_of_time(pace: float) -> N
     assert half[1] == pytest.approx(half[0], rel=0.3)
 
 
+@pytest.mark.slow
 def test_where_there_is_no_slow_part_its_time_constant_has_no_interval() -> None:
     """One exponential behind a dead time: the joint fit's τ2 may end anywhere beyond the record, and 15 % of T_s."""
     t = np.arange(0.0, 15.0, 0.02)

@@ -194,6 +194,7 @@ def test_two_lags_that_meet_are_told_as_the_kind_that_they_are() -> None:
     assert (fast, slow) == pytest.approx((8, 107), rel=0.15) and plant.dead_time_s == pytest.approx(3, abs=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["lag", pytest.param("series", marks=pytest.mark.slow)])
 def test_steps_of_another_kind_are_as_sure_as_their_runs_are_alike(kind: str) -> None:
     """Gains that scatter by 3 %: the gain of a plant is known as well as the mean of three runs, and not as the mean
@@ -266,6 +267,7 @@ def test_two_lags_in_series_are_no_lag_with_a_dead_time(dead_s: float) -> None:
     assert fit.plant.zeta == pytest.approx(mean / 2 / product**0.5, rel=0.05)
 
 
+@pytest.mark.slow
 def test_figures_draw_the_plant_of_another_kind_behind_its_dead_time() -> None:
     """The summary's curves began at the step, and Fig. 7 had none where another kind took the clutch's place."""
     t = np.arange(0.0, 15.0, 0.02)

@@ -114,6 +114,7 @@ def test_sweeps_of_other_plants_are_fitted_as_recorded(C: float, dead_time_s: fl
         assert float(fit.plant.time_constants(u)[0]) == pytest.approx(plant.at(u).tau1, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
 def test_tails_as_large_as_the_steps_that_begin_on_them(seed: int) -> None:
     """Rests of 5 s in any order: a tail of 100 % is twice the output at 10 %. It was taken for one that ran away, and

@@ -251,6 +251,7 @@ def test_every_readme_is_one_page_with_units_and_the_list(exported, target):
     assert all(f"eaid_{law}" in text or target in ("yaml", "fmu") for law in LAWS[1:2])
 
 
+@pytest.mark.slow
 def test_a_rig_of_both_signs_gets_a_direction_pin_and_no_more_than_it_was_driven_with(tmp_path):
     """Its sketch clipped what is below 0, and −100 V was a limit of a rig that was driven with −20 V at most."""
     draw, t = np.random.default_rng(1), np.arange(0, 40, 0.01)

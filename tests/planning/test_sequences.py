@@ -83,6 +83,7 @@ def test_a_plant_of_another_pace_is_planned_in_its_own_time(small_fit: eaid.Fit)
 NIGHTLY = [pytest.param(one, marks=pytest.mark.slow) for one in ({"falls": (0.6, 0.8)}, {"excess": 0.1}, {})]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("own", [{"release_as_left": True, "release": (0.5, 5.0)}, *NIGHTLY], ids=str)
 def test_a_sequence_is_planned_and_checked_with_what_falls_have_of_their_own(own: dict[str, Any]) -> None:
     """Planned as if they went as rises, ten times the time on the rig did not reach what was wanted."""

@@ -96,6 +96,7 @@ def test_slow_noise_is_no_creep(seed):
     assert told == {"few-levels-for-polynomials"}
 
 
+@pytest.mark.slow
 def test_a_gain_that_drifts_is_no_creep_of_the_output():
     t, random = np.arange(0.0, 160.0, 0.04), np.random.default_rng(2)
     duty = np.append(np.zeros(100), np.repeat(random.choice(LEVELS, 39), 100))
@@ -134,6 +135,7 @@ def test_a_chirp_whose_frequency_goes_with_time_drifts_no_gain():
         assert row.ci95.tau1[0] < REFERENCE_PLANT.at(row.level).tau1 < row.ci95.tau1[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pct", [0.1, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_a_drift_beside_one_lag_is_no_slow_part_of_a_clutch(pct):
     """A motor whose tacho drifts by a thousandth: T_s was 1341 (1340.7 … 1342.1) RPM for 1140, in 4 of 5."""
@@ -165,6 +167,7 @@ def test_a_heater_in_a_room_that_warms_up_is_one_lag(drift):
     assert fit.logs[0].creep[0] == pytest.approx(3600 * drift, rel=0.1)
 
 
+@pytest.mark.slow
 def test_steps_of_a_heater_in_a_room_that_warms_up_are_one_lag():
     """T_s(40 %) was 37.7 (34.6 … 40.9) degrees for 32, with a τ2 of 18,000 s that none of the levels showed."""
     draw, t, frames = np.random.default_rng(4), np.arange(0, 1200, 1.0), {}
@@ -189,6 +192,7 @@ def jumping(seed, jump=0.0, at_s=60.0):
     return pd.DataFrame({"time_s": TIMES, "duty_pct": u, "torque_nm": y})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "jump", "at_s"), [(0, 0.15, 60.0), pytest.param(2, 0.3, 100.0, marks=pytest.mark.slow)]
 )

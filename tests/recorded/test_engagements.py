@@ -33,6 +33,7 @@ def log_of(gains: tuple[float, ...], paces: tuple[float, ...] = (1.0,) * 5, seed
     return np.arange(len(u)) * DT, u, y + 0.02 * draw.standard_normal(len(u))
 
 
+@pytest.mark.slow
 def test_gains_that_scatter_are_no_other_plant_and_bend_none_of_its_numbers() -> None:
     """With one T_s(u) for all engagements it was one lag, or τ1 lay 15 % off with the open ends of no τ2."""
     fit = eaid.fit(*log_of(GAINS))
@@ -58,6 +59,7 @@ def test_tau1_that_differs_between_engagements_is_in_its_interval() -> None:
         assert row.ci95.tau1[0] < CLUTCH.at(row.level).tau1 < row.ci95.tau1[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_one_lag_whose_runs_scatter_in_gain_is_no_overshoot(seed: int) -> None:
     """Five levels of three runs, gains of 4 %: a τ2 without end took the place of what the levels lie off a line."""

@@ -141,6 +141,7 @@ def test_inputs_that_act_for_a_moment_are_in_the_range_and_rest_is_no_fault() ->
         assert fit.plant.steady(u) == pytest.approx(true.at(u).Ts, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_loop_tells_c_where_its_reference_is_known() -> None:
     """Of a clutch with C = 0.80, in sums of sines, T_s was 1050 to 1070 RPM for 1140 and τ2 0.7 to 1.5 s for 4."""
     draw, dt, n = np.random.default_rng(2), 0.01, 12_000

@@ -101,6 +101,7 @@ def test_what_a_fit_of_a_recorded_log_knows_and_refuses() -> None:
     assert min(known.linear.bounds.levels) >= 40
 
 
+@pytest.mark.slow
 def test_two_holds_are_a_step_whatever_their_size_and_give_a_plant() -> None:
     t = np.arange(1000) / 100
     for before, after in ((5.0, 5.4), (30.0, 70.0)):
@@ -138,6 +139,7 @@ def test_a_chirp_with_little_noise_ends_where_the_noise_is_all_that_is_left() ->
     assert found.nonlinear is not None and found.nonlinear.rmse == pytest.approx(0.006, rel=0.02)
 
 
+@pytest.mark.slow
 def test_an_interval_beside_a_limit_does_not_hang_on_rounding() -> None:
     """One exponential under slow noise: τ2 meets τ1, two columns of derivatives are one, and T_s keeps its ends."""
     t = np.arange(900.0)

@@ -183,6 +183,7 @@ def test_a_gain_below_zero_is_refused_and_noise_alone_is_no_plant(seed: int) -> 
     assert "no-kind-explains" in [one.code for one in fitted(log, ci="none", shape="one").verdict.reasons]
 
 
+@pytest.mark.slow
 def test_a_log_that_was_noted_late_is_replayed_as_it_was_fitted(tmp_path: Path) -> None:
     p = Plant((0.2, 4e-3), (2.0, 2e-2), (0.05, 0.02, 2e-4), (20.0, 100.0))
     log = log_of(p, (0.0, 20.0, 45.0, 70.0, 100.0), noise=0.005, n=3000)
@@ -191,6 +192,7 @@ def test_a_log_that_was_noted_late_is_replayed_as_it_was_fitted(tmp_path: Path) 
     assert fit.logs[0].late_rows == 2 and replayed_pct == pytest.approx(fit.logs[0].fit_pct, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_an_input_that_changes_between_two_rows_makes_no_lag_short(tmp_path: Path, seed: int) -> None:
     """Logged at 50 Hz, noted half a row late on the average: τ1 was 3 to 4 % short, and C another."""
@@ -255,6 +257,7 @@ def test_a_loop_whose_reference_is_logged_gets_the_dead_time_that_explains_far_m
     assert fit.dead_time_s == pytest.approx(late * h, abs=0.03)
 
 
+@pytest.mark.slow
 def test_a_kind_of_a_log_that_never_rests_says_what_it_assumes_of_rest() -> None:
     """Two inputs tell a difference of outputs: T_s of 25.8 was 10.6 ± 0.3 %, without a word."""
     random, t = np.random.default_rng(3), np.arange(0.0, 60.0, 0.02)
@@ -343,6 +346,7 @@ def test_a_slow_part_that_no_log_shows_is_none() -> None:
         assert low < 0.04 * level < high < 0.041 * level
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [pytest.param("logs", marks=pytest.mark.slow), "dataset"])
 def test_steps_beside_a_log_are_logs_too(how: str, tmp_path: Path) -> None:
     """With steps beside it a log kept the clutch's form: one lag had a T_s 18 % too large, two in series one of 0.34

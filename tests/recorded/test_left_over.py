@@ -93,6 +93,7 @@ def test_a_force_that_drives_a_displacement_makes_no_friction_rig() -> None:
     assert fit.data.kind == "clutch" and fit.plant.steady(1.0) == pytest.approx(2.0, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("acts", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_second_input_that_was_logged_is_named(acts: bool) -> None:
     random = np.random.default_rng(4)

@@ -216,6 +216,7 @@ def test_a_log_whose_input_changes_within_its_gaps_must_not_be_used():
         assert ("changes-in-gaps" in codes(fit_recorded([one], FitOptions(model=("nonlinear",))))) is told
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [2.6, pytest.param(3.4, marks=pytest.mark.slow)])
 def test_rows_at_the_end_of_a_sensor_are_left_out(limit, tmp_path):
     """They were the steady value: T_s 8 % low at 100 %, and τ1 too short by a fifth, with no word of a single spell."""
@@ -252,6 +253,7 @@ def loop_on_random_setpoints(seed):
     return 0.02 * np.arange(len(wanted)), wanted, *loop(wanted, 0.02, (15, 25), lambda u: at(u).Ts, taus, noise=noise)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_loop_that_begins_at_rest_is_fitted_without_its_reference(seed):
     """Its start was judged anew between the clutch's fit and that of its delay, which had other unknowns then."""
@@ -381,6 +383,7 @@ def test_levels_of_a_recorded_log_are_said_by_its_range(run_eaid, tmp_path):
     assert ran.code == 2 and "say their range by --duty" in ran.err
 
 
+@pytest.mark.slow
 def test_all_models_of_a_fit_explain_about_one_mean():
     """Each log about its own mean, the plant was 10 points below the linear model of the same logs."""
     t = np.arange(2000) * 0.02

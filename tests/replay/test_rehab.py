@@ -107,6 +107,7 @@ def test_the_loop_diverges_where_the_linear_one_is_unstable(session):
     assert np.abs(settled["position_error_deg"]).max() < 30
 
 
+@pytest.mark.slow
 def test_options_limits_and_another_rig(fit, fit_of, gains, session):
     for options, said in (
         ({"duration": 15.0}, "a mode of 5 s leaves nothing after the first 5 s"),

@@ -67,6 +67,7 @@ def test_defaults_scale_with_the_rig(scenario):
     agree("A", *made)
 
 
+@pytest.mark.slow
 def test_the_papers_units_are_units_like_others_where_every_number_is_given(played):
     # in % and N·m the paper's numbers are the defaults; with the same wishes in both units nothing is left of that
     made, t = [], np.arange(3000) / 500

@@ -123,6 +123,7 @@ def test_a_warning_is_counted_once_and_where_it_is_shown(whole):
     assert "of 10 runs" in whole.lights[0][1] or whole.lights[0][1].startswith("10 runs")  # a release is no run more
 
 
+@pytest.mark.slow
 def test_figures_of_another_rig_are_counted_from_one(long, report):
     page = report(*long)
     titles = [caption.split(" · ")[0] for caption in page.captions.values()]

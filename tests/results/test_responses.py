@@ -83,6 +83,7 @@ def test_it_is_told_kept_and_written_as_tables(fits, tmp_path):
     assert not (tmp_path / "other" / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_later_commands_begin_with_what_the_fit_warned_of(fits, tmp_path, run_eaid, monkeypatch):
     monkeypatch.chdir(tmp_path)
     logs = {f"u{u:g}r{k}": run(u, k, SLIPS * (u > 50)) for u in (40.0, 70.0, 100.0) for k in range(3)}

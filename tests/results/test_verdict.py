@@ -36,6 +36,7 @@ def test_a_spike_in_one_release_stops_no_other_run(sound):
     assert fit.nonlinear.Ts == pytest.approx(sound.nonlinear.Ts, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_level_that_does_not_move_is_left_out():
     fit = eaid.fit({f"u{u:g}": run(u, 1, moves=u > 20) for u in LEVELS}, ci="none")
     assert fit.verdict.usable and fit.data.levels == LEVELS[1:]

@@ -252,6 +252,7 @@ def read_while(record, folder, monkeypatch, *more):
     return told
 
 
+@pytest.mark.slow
 def test_a_file_that_is_still_being_written_is_not_read(tmp_path, monkeypatch):
     """One that paused in the middle of a row was told as broken, and one that paused behind a row as a step."""
 
@@ -269,6 +270,7 @@ def test_a_file_that_is_still_being_written_is_not_read(tmp_path, monkeypatch):
     assert [name for name, _ in told].count("a.csv") <= 3 and [name for name, _ in told].count("b.csv") <= 2
 
 
+@pytest.mark.slow
 def test_a_log_that_is_flushed_every_few_seconds_is_read_once_it_is_whole(tmp_path, monkeypatch):
     """Whole rows, then nothing for some seconds: half a step was told, and the next held against it."""
 

@@ -11,6 +11,7 @@ import eaid
 from eaid.estimate.draw import draw as draw_plants
 from eaid.report.tables.sessions import scatter_table
 
+pytestmark = pytest.mark.slow
 T = np.arange(0, 60, 0.01)
 
 

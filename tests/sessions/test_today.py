@@ -68,6 +68,7 @@ def test_what_is_foreseen_is_not_compared_as_if_it_had_been_seen(today, fits):
     assert shift.dof < 1e3 and "seen at 60 only" in shift.words()
 
 
+@pytest.mark.slow
 def test_where_levels_and_sessions_are_confounded_a_step_tells_of_its_own_levels_only(make):
     rng, fits = np.random.default_rng(5), {}
     for k in range(6):
@@ -214,6 +215,7 @@ def test_a_lag_or_dead_time_that_the_step_alone_shows_is_told(rig, step):
     assert "plant-moved" not in codes(eaid.today(rig, step))
 
 
+@pytest.mark.slow
 def test_a_rig_whose_output_counts_negative_has_a_today(make):
     """Its step was replayed with the other sign, and the fit of today was not usable."""
     logs = [make(k, 0.1 * k, levels=(20.0, 60.0, 100.0), repeats=2) for k in range(3)]

@@ -524,6 +524,9 @@ ROWS: dict[str, Row] = {
     "release-not-seen": note(
         "the logs hold no fall to rest: that a release goes as at the lowest input is an assumption"
     ),
+    "rise-not-seen": caution(
+        "the logs hold falls of the input alone: that rises are as fast is an assumption; record steps from rest, too"
+    ),
     "falls-differ": caution(_say_falls),
     "hysteresis": caution(
         "the steady output depends on where the input came from: {excess_pct:+.2g} % after a fall of the input "
