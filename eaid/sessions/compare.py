@@ -38,7 +38,7 @@ from eaid.sessions.gather import (
     NO_INTERVAL,
     RESPONSES,
     SessionValue,
-    between,
+    interpolated,
     of_whole_plant,
     plant_moved,
     snapped,
@@ -244,9 +244,9 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
     """One number against another session's at the levels that both hold; None where they hold none."""
     of_one, of_other = _seen(one, quantity, "A"), _seen(other, quantity, letter)
     if not other.data.levels:  # whose inputs move, and are shown at some
-        of_other = between(of_other, [value.level for value in of_one])
+        of_other = interpolated(of_other, [value.level for value in of_one])
     elif not one.data.levels:
-        of_one = between(of_one, [value.level for value in of_other])
+        of_one = interpolated(of_one, [value.level for value in of_other])
     both = snapped([*of_one, *of_other])
     a, b = ({value.level: value for value in both if value.session == of} for of in ("A", letter))
     levels = sorted(a.keys() & b.keys())

@@ -170,7 +170,7 @@ def snapped(values: Sequence[SessionValue]) -> list[SessionValue]:
     return [one if same[one.level] == one.level else replace(one, level=same[one.level]) for one in values]
 
 
-def between(values: Sequence[SessionValue], levels: Sequence[float]) -> list[SessionValue]:
+def interpolated(values: Sequence[SessionValue], levels: Sequence[float]) -> list[SessionValue]:
     """Values of a curve at other levels than those at which it was shown, within these."""
     if len(values) < 2:
         return list(values)
