@@ -69,6 +69,10 @@ def test_all_faults_are_told_at_once() -> None:
     assert len(refused.value.sentences) == 3
 
 
+def test_one_number_is_a_list_of_one() -> None:
+    assert eaid.FitOptions(hold_out=60.0) == eaid.FitOptions(hold_out=(60.0,)) == eaid.FitOptions(hold_out=60)
+
+
 def test_options_and_keywords_that_disagree_are_refused(small_steps: eaid.StepSet) -> None:
     whole = eaid.FitOptions(share=0.9, ci="none", model="linear")
     assert eaid.fit(small_steps, whole, share=0.9).options.share == 0.9

@@ -51,6 +51,7 @@ from eaid.sessions.model import chance_beyond
 from eaid.shown import Plotted, pandas
 
 MOVED_CHANCE = 0.05
+NO_MORE = 1e-9  # Of the largest direction in which a curve is free, below which one is none
 SAME_B = 1.05  # Factor by which a B is no other, where all levels that gains were made for have the same one
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
 LETTERS = (*ascii_uppercase, *("".join(two) for two in product(ascii_uppercase, repeat=2)))
@@ -104,7 +105,7 @@ class Shift(Result, frozen=True):
         of_all = "" if self.moved or self.low <= 1 <= self.high else ", being one of several numbers"
         said = f"{CALLED[self.quantity]} {_pct(self.ratio)} % ({ends}; p {self.p:.2g}{of_all})"
         if self.p_alike is None:
-            return said + (f", seen at {self.levels[0].level:.4g} only" if self.levels else "")
+            return said + (f", seen at {self.levels[0].level:.4g} only" if len(self.levels) == 1 else "")
         if self.alike:
             return f"{said}, alike at all levels (p {self.p_alike:.2g})"
         rising = sorted(self.levels, key=lambda one: one.ratio)
@@ -271,7 +272,8 @@ def _shift(quantity: str, letter: str, one: Fit, other: Fit) -> Shift | None:
 
 def _session_covariance(fit: Fit, quantity: str, values: Sequence[SessionValue]) -> tuple[Array, Array, int]:
     """Covariance of a session's values, that of their distances to their mean, (L, L) each, and how many numbers these
-    follow from: τ1(u) and τ2(u) have their coefficients, each level a T_s of its own, though all rest on the same τ."""
+    follow from: curves have their coefficients, each level that was held a T_s of its own, though all rest on the same
+    τ."""
     shared, part = unseen_scatter(fit, quantity), fit.nonlinear
     sd = np.sqrt(np.maximum(np.square([one.sd_log for one in values]) - shared**2, EXACT**2))
     alone, known = np.diag(sd**2), None if part is None else part.covariance
@@ -283,8 +285,9 @@ def _session_covariance(fit: Fit, quantity: str, values: Sequence[SessionValue])
     of_curve = rows @ np.array(known.matrix)[np.ix_(at, at)] @ rows.T
     size = np.sqrt(np.maximum(np.diag(of_curve), 1e-300))
     together = of_curve * np.outer(sd / size, sd / size)
-    apart = (alone, len(values)) if quantity == "Ts" else (together, min(len(values), len(at)))
-    return together + shared**2, *apart
+    if quantity == "Ts" and fit.data.levels:
+        return together + shared**2, alone, len(values)
+    return together + shared**2, together, int(np.linalg.matrix_rank(of_curve, rtol=NO_MORE))
 
 
 def _unlike(off: Array, V: Array, weight: Array, spare: int) -> float:

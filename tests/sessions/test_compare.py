@@ -4,7 +4,7 @@ import msgspec
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
+from scipy import signal, stats
 
 import eaid
 from eaid.findings import finding
@@ -43,6 +43,26 @@ def test_held_output_and_peak_are_claimed_as_t_s_is_and_what_to_do_of_the_gains_
         assert sum(f"{name}" in line and line.startswith("moved   A against B") for line in found.lines()) == 1
     assert msgspec.structs.replace(found, shifts=tuple(one for one in found.shifts if one.quantity == "peak")).changed
     assert "retune  likely, as A moved; gains= gains.json" in found.summary()
+
+
+def moving(seed, levels, gain=0.02, tau=0.3):
+    """Random steps of one lag, whose inputs count as moving."""
+    rng, dt = np.random.default_rng(seed), 0.02
+    u = np.repeat(rng.uniform(*levels, 150), rng.integers(4, 12, 150))
+    u[:60] = 0.0
+    y = signal.lfilter([0.0, gain * (1 - np.exp(-dt / tau))], [1.0, -np.exp(-dt / tau)], u)
+    rows = {"time_s": dt * np.arange(len(u)), "duty_pct": u, "torque_nm": y + 0.005 * rng.standard_normal(len(u))}
+    return eaid.fit(pd.DataFrame(rows))
+
+
+def test_sessions_of_moving_inputs_are_compared_where_both_went():
+    """Their curves are shown at inputs of their own, and they "shared no level"."""
+    before, now, slow = moving(1, (10, 90)), moving(2, (20, 100), gain=0.014), moving(3, (15, 95), tau=0.42)
+    (shift, *_) = eaid.compare(now, before).shifts
+    assert shift.quantity == "Ts" and shift.low < 0.7 < shift.high and shift.moved
+    assert min(one.level for one in shift.levels) >= 20 and max(one.level for one in shift.levels) <= 90
+    found = eaid.compare(slow, before)
+    assert not found.changed and found.tune_anew is None and "perhaps, as τ1 moved" in found.retuning
 
 
 def test_shift_and_test_of_likeness_are_those_of_scipy(fits):
