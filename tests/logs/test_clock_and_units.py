@@ -116,7 +116,8 @@ def test_every_spelling_of_a_unit(read):
         ("u%", "", 1), ("a b_kV", "V", 1e3), (" x [kPa] ", "bar", 1e-2), ("torqueNcm", "N·m", 1e-2),
         ("force_g", "N", 9.80665e-3), ("force (lbf)", "N", 4.4482216152605),
         ("Torque [ozf·in]", "N·m", 0.00706155181422604), ("Torque (kgf.cm)", "N·m", 0.0980665),
-        ("Torque [MNm]", "MNm", 1), ("Force [MN]", "MN", 1), ("Force [mN]", "N", 1e-3), ("u_ms", "", 1), ("friction", "N", 1), ("load cell", "N", 1), ("output", "", 1),
+        ("Torque [MNm]", "MNm", 1), ("Force [MN]", "MN", 1),
+        ("Force [mN]", "N", 1e-3), ("u_ms", "", 1), ("friction", "N", 1), ("load cell", "N", 1), ("output", "", 1),
     ],
 )  # fmt: skip
 def test_the_unit_in_a_name(column, unit, factor, read, codes):
