@@ -82,8 +82,8 @@ def _proposal(files: Sequence[Path], runs: Sequence[Run], options: ReadOptions, 
             runs = read_what_can_be(files, replace(how, repair=True))[0]
         if not runs:
             return ""  # something is missing that no guess fills
-    likely = Counter(str(one.values["likely"]) for run in runs for one in run.findings if "likely" in one.values)
-    factor = 1.0
+    unclear = [one for run in runs for one in run.findings if one.code == "time-unclear"]  # not where s are likelier
+    likely, factor = Counter(str(one.values["likely"]) for one in unclear), 1.0
     if likely:
         units["time"] = likely.most_common(1)[0][0]
         factor = TIME_FACTORS[units["time"]]
@@ -123,7 +123,8 @@ def _input_left(blind: Sequence[Run], pattern: bool, named: bool, first: Path, o
     lone = {run.left for run in blind if len(run.left) == 1}
     if len(driving) == 1 or (not named and len(lone) == 1):
         return {"input": driving[0] if len(driving) == 1 else lone.pop()[0]}
-    return {} if pattern else _columns_of(first, options)
+    guessed = {} if pattern else _columns_of(first, options)
+    return guessed if guessed.keys() & {"input", "position"} else {}  # what is read already tells nothing more
 
 
 def drives(runs: Sequence[Run], column: str) -> bool:
