@@ -68,13 +68,15 @@ def today(
     data = read_steps(steps, reading_of(known, reading), console.progress, console.warn, console.speak)[1]
     fit = stamped(today(known, data), args)
     fit.save(output, args.force)
-    one = next(found for found in fit.findings if found.code == "for-today")
-    again = any(found.code == "step-outside" for found in fit.findings)
+    said = [found for found in fit.findings if found.code in ("for-today", "step-foreseen", "step-outside")]
+    again = any(found.code == "step-outside" for found in said)
     after = f"eaid {'tune-rc' if fit.linear is not None and fit.verdict.usable else 'report'} {output}"
     after = f"next    {'the step once more; as it is: ' * again}{after}"
     values = [line for line in answer(fit)[1:] if not line.startswith(("used", "logs"))]
-    shown = [*map(on_command_line, verdict_line(fit)), f"today   {say(one)}", *map(on_command_line, values), after]
-    tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found is not one)])
+    said.sort(key=lambda one: one.code != "for-today")
+    lines = [f"{'step' if k else 'today':7} {say(one)}" for k, one in enumerate(said)]
+    shown = [*map(on_command_line, verdict_line(fit)), *lines, *map(on_command_line, values), after]
+    tell_result(args, fit, shown, [*warnings, *(found for found in fit.findings if found not in said)])
     console.speak(f"{output}: a fit for today")
     return exit_code_of(fit, output)
 
@@ -122,7 +124,7 @@ def compare(
         found = msgspec.structs.replace(found, findings=(*found.findings, *of_another_fit(tuned, sha256_of(files[0]))))
     found = stamped(found, args, files=files, gains=gains)
     found.save(output, args.force)
-    after = ["tune-rc", str(files[0])] if found.tune_anew else ["report", str(output)]
+    after = ["tune-rc", found.in_question] if found.tune_anew else ["report", str(output)]
     lines = [*map(on_command_line, found.lines()), f"next    eaid {shlex.join(after)}"]
     tables = (shifts_table(found), changes_table(found)) if args.verbose else ()
     tell_result(args, found, [*lines, *tables], [*warnings, *found.findings])

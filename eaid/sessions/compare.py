@@ -52,6 +52,7 @@ from eaid.shown import Plotted, pandas
 
 MOVED_CHANCE = 0.05
 NO_MORE = 1e-9  # Of the largest direction in which a curve is free, below which one is none
+HARDLY = 1.1  # Factor up to which what has not moved for certain is the same
 SAME_B = 1.05  # Factor by which a B is no other, where all levels that gains were made for have the same one
 CLAIMED = ("Ts", *RESPONSES)  # What a session is asked for, told whether it moved or not
 LETTERS = (*ascii_uppercase, *("".join(two) for two in product(ascii_uppercase, repeat=2)))
@@ -99,6 +100,13 @@ class Shift(Result, frozen=True):
         """Whether the levels moved, together or apart."""
         return self.moved or not self.alike
 
+    @property
+    def verdict(self) -> str:
+        """moved; apart, some levels; same, within `HARDLY`; unclear, where the interval reaches further."""
+        if self.changed:
+            return "moved" if self.moved else "apart"
+        return "same" if self.low >= 1 / HARDLY and self.high <= HARDLY else "unclear"
+
     def words(self) -> str:
         """`T_s −52 % (−57 … −47; p 2e-27), not alike at all levels (p 0.005): …`."""
         ends = f"{_pct(self.low)} … {_pct(self.high)}"
@@ -123,20 +131,26 @@ class Retune(Result, frozen=True):
     outside: tuple[Number, ...] = ()
     """Levels at which it does."""
     lacking: dict[str, Margin] = {}
-    """Loops that have had 6 dB and 45° and have not on A's plant, behind its dead time: the least margins there."""
+    """Loops that have had 6 dB and 45° and have not on its plant, behind its dead time: the least margins there."""
+    session: str = "A"
+    """Letter of the session that is held against the gains: A, or the other one, of which they were not made."""
+    B: tuple[Number, ...] = ()
+    """B at those levels."""
 
     def words(self) -> str:
         """The answer, and why."""
+        its = f"{self.session}'s"
         if self.lacking:
             each = ", ".join(f"{name} {_margins_said(one)}" for name, one in self.lacking.items())
-            return f"yes: on A's plant the loops lack 6 dB and 45° ({each})"
-        made, at = f"{self.B_m:.4g} … {self.B_M:.4g}", ", ".join(f"{u:.4g}" for u in self.outside)
+            return f"yes: on {its} plant the loops lack 6 dB and 45° ({each})"
+        made = f"{self.B_m:.4g} … {self.B_M:.4g}"
+        at = ", ".join(f"{B:.4g} at {u:.4g}" for u, B in zip(self.outside, self.B, strict=False))
         if self.needed:
-            return f"yes: A's B leaves the range that the gains were made for ({made}) at {at}"
+            return f"yes: {its} B leaves the range that the gains were made for, {made}: {at}"
         if self.needed is None:
-            return f"perhaps: A's B lies outside {made} at {at}, but not for certain; a reference step more tells"
-        but = f", but for what its interval leaves open at {at}" if at else ""
-        return f"no: A's B stays within the range that the gains were made for ({made}){but}"
+            return f"perhaps: {its} B lies outside {made}, {at}, but not for certain; a reference step more tells"
+        but = f", but for what its interval leaves open: {at}" if at else ""
+        return f"no: {its} B stays within the range that the gains were made for, {made}{but}"
 
 
 class Comparison(Plotted, codec.Saved, Made, frozen=True):
@@ -169,11 +183,16 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
 
     @property
     def tune_anew(self) -> bool | None:
-        """Whether gains are to be made for A: its B left their range, or where none are given A moved. None: perhaps,
-        as a reference step tells, or the gains do."""
+        """Whether gains are to be made anew: B of the session in question left their range, or where none are given A
+        moved. None: perhaps, as a reference step tells, or the gains do."""
         if self.retune is not None:
             return bool(self.files) and self.retune.needed
         return self.changed or (None if any(one.changed for one in self.shifts) else False)
+
+    @property
+    def in_question(self) -> str:
+        """The file of the session that gains are held against, or are to be made for."""
+        return self.files["A" if self.retune is None else self.retune.session]
 
     @property
     def retuning(self) -> str:
@@ -187,7 +206,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
         """The verdict."""
         said = [f"{letter}       {name}" for letter, name in self.files.items()]
         told = (one for one in self.shifts if one.quantity in CLAIMED or one.changed)
-        said += [f"{'moved  ' if one.changed else 'same   '} A against {one.against}: {one.words()}" for one in told]
+        said += [f"{one.verdict:7} A against {one.against}: {one.words()}" for one in told]
         said += [f"moved   {subject}: {words}" for subject, words in self.plant_words]
         if self.files:
             said.append(f"retune  {self.retuning}")
@@ -223,6 +242,8 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
         raise DataError(f"{unknown[0]}: {NO_INTERVAL}")
     letters, shifts = dict(zip(fits, LETTERS, strict=False)), list[Shift]()
     first, *others = fits
+    of_them = [name for name, fit in fits.items() if gains is not None and made_of(gains, fit)]
+    asked = others[0] if of_them == [first] and len(others) == 1 else first
     for name in others:
         each = (_shift(quantity, letters[name], fits[first], fits[name]) for quantity in CALLED)
         found = [one for one in each if one is not None]
@@ -237,7 +258,7 @@ def compare_fits(fits: Mapping[str, Fit], gains: Gains | None, options: CompareO
         options=options, input_unit=data.input_unit, output_unit=data.output_unit, shifts=tuple(held),
         files={letter: name for name, letter in letters.items()},
         values={letter: tuple(values_of_fit(fits[name], "Ts", letter)) for name, letter in letters.items()},
-        retune=None if gains is None else _retune(fits[first], gains), findings=tuple(told),
+        retune=None if gains is None else _retune(fits[asked], gains, letters[asked]), findings=tuple(told),
     )  # fmt: skip
 
 
@@ -314,13 +335,19 @@ def holm(p: Sequence[float]) -> list[float]:
     return rising[np.argsort(order)].tolist()  # type: ignore[no-any-return]
 
 
-def _retune(fit: Fit, gains: Gains) -> Retune:
+def made_of(gains: Gains, fit: Fit) -> bool:
+    """Whether gains were made of a fit, by its linear model."""
+    numbers = ([getattr(one, name) for name in ("a0", "b0", "c0")] for one in (gains.model, fit.linear) if one)
+    return fit.linear is not None and len(set(map(tuple, numbers))) == 1
+
+
+def _retune(fit: Fit, gains: Gains, letter: str) -> Retune:
     """Whether B of a fit stays within the range of gains; DataError where one of them does not say it."""
     refuse_other_units(fit, gains)
     if gains.rc is None or gains.rc.B_m is None or gains.rc.B_M is None:
         raise DataError("the gains hold no range of B; make them with eaid tune-rc")
     if fit.linear is None:
-        raise DataError("the first fit holds no linear model, so no B; fit it with «model» linear too")
+        raise DataError(f"the fit {letter} holds no linear model, so no B; fit it with «model» linear too")
     B_m, B_M, kept = gains.rc.B_m, gains.rc.B_M, fit.linear.bounds.levels if fit.linear.bounds is not None else ()
     each = (row for row in fit.linear.per_level if row.level in kept or not kept)
     ends = ci95_of(fit.linear, "b0")  # of 1/B, where levels have no interval of their own
@@ -335,8 +362,9 @@ def _retune(fit: Fit, gains: Gains) -> Retune:
         return tuple(u for u, B, ci in rows if B * (ci[1] / B) ** reach < low or B * (ci[0] / B) ** reach > high)
 
     sure, unsure = beyond(1.0), beyond(0.5)
-    lacking = lacking_loops(fit, gains)
-    return Retune(B_m, B_M, True if sure or lacking else None if unsure else False, sure or unsure or out, lacking)
+    lacking, at = lacking_loops(fit, gains), sure or unsure or out
+    needed = True if sure or lacking else None if unsure else False
+    return Retune(B_m, B_M, needed, at, lacking, letter, tuple(B for u, B, _ in rows if u in at))
 
 
 def lacking_loops(fit: Fit, gains: Gains) -> dict[str, Margin]:

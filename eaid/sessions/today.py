@@ -57,6 +57,7 @@ AS_READ = ("signs-turned", "input-late")  # How the plant takes a log, which a f
 INPUTS_DRAWN = 11  # Over the range, beside the levels, through which a curve is put
 # Part of τ1 by which a step's dead time may lie off the plant's; factor by which τ1 may lie off a step's interval
 LATE_PART, TAU_SCATTER = 0.1, 1.05
+HARDLY_SURER = 0.97  # Part of the factor of T_s that steps leave of that without them, where they tell next to nothing
 # How far off the sessions' pace a step's is looked for, and at how many, in the logarithm; of its derivative
 FARTHEST_PACE, PACES_TRIED, PACE_STEP = 1.1, 23, 1e-4
 NextByName = Mapping[str, Next]  # What the sessions know, by its name
@@ -251,16 +252,21 @@ def _today_findings(rig: Rig, steps: KnownValues, foreseen: NextByName) -> list[
     """How sure today is, a step beyond what was foreseen, what is taken from the base, a level beyond the sessions'."""
     one, model, after = rig.main, rig.main.model(rig.names), float(np.exp(foreseen["Ts"].reach.max()))
     found = [
-        finding("for-today", "sessions", sessions=model.count, steps=len(steps.y), factor=after, without=one.factor),
-        *(each for each in rig.findings if each.code == "levels-and-sessions-confounded"),
+        finding("for-today", "sessions", sessions=model.count, steps=len(steps.y), factor=after, without=one.factor)
     ]
+    if after > HARDLY_SURER * one.factor:
+        found.append(finding("steps-tell-alone", "sessions"))
+    found += [each for each in rig.findings if each.code == "levels-and-sessions-confounded"]
     for level, y, W in zip(steps.level.tolist(), steps.y, steps.W, strict=True):
         if not model.knots[0] <= level <= model.knots[-1]:
             found.append(finding("reference-level-outside", "sessions", model.knots, level=level, unit=rig.input_unit))
-        low, high = model.next(np.array([level])).of_a_run(W)
-        if not low <= np.exp(y) <= high:
-            value = float(np.exp(y))
-            found.append(finding("step-outside", "sessions", [level], value=value, unit=one.unit, low=low, high=high))
+        ahead = model.next(np.array([level]))
+        (low, high), middle, value = ahead.of_a_run(W), float(ahead.value[0]), float(np.exp(y))
+        code, pct = "step-foreseen" if low <= value <= high else "step-outside", 100 * (value / middle - 1)
+        units = {"unit": one.unit, "unit_in": rig.input_unit}
+        found.append(
+            finding(code, "sessions", [level], value=value, middle=middle, low=low, high=high, pct=pct, **units)
+        )
     part = None if rig.base is None else rig.base.another_plant
     names = ("tau1", "tau2") if part is None else names_of(part.plant)
     kept = tuple(name for name in names if name not in foreseen)

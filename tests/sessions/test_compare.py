@@ -63,6 +63,7 @@ def test_sessions_of_moving_inputs_are_compared_where_both_went():
     assert min(one.level for one in shift.levels) >= 20 and max(one.level for one in shift.levels) <= 90
     found = eaid.compare(slow, before)
     assert not found.changed and found.tune_anew is None and "perhaps, as τ1 moved" in found.retuning
+    assert [one.verdict for one in found.shifts] == ["unclear", "moved"] and "unclear A against B" in found.summary()
 
 
 def test_shift_and_test_of_likeness_are_those_of_scipy(fits):
@@ -158,7 +159,8 @@ def test_a_dead_time_is_another_plant_and_loops_that_lack_margins_on_it_are_made
     assert "moved   A against B: dead time 0.06 s for 0 s" in found.lines()
     page = eaid.report([found], tmp_path / "page").read_text()  # which told of T_s alone, that is the same
     assert page.count("dead time 0.06 s for 0 s") == 2 and "of no level tells" in page
-    assert not eaid.compare(before, now, gains=gains).retune.lacking  # which they were made for
+    turned = eaid.compare(before, now, gains=gains).retune  # made for A, they are held against the other
+    assert turned.session == "B" and turned.lacking and "on B's plant the loops lack" in turned.words()
     share = msgspec.structs.replace(like, plant_=msgspec.structs.replace(like.plant_, C=0.7))
     assert [one.values["what"] for one in eaid.compare(share, before).findings if one.code == "plant-moved"] == ["C"]
 

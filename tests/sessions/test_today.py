@@ -138,7 +138,10 @@ def test_two_steps_leave_less_open_than_one(rig, make, today):
     assert worst(two) < worst(today)
 
 
-def test_a_step_beyond_what_is_foreseen_and_one_beyond_the_levels_are_said(rig, make):
+def test_a_step_stands_beside_what_was_foreseen_and_beyond_it_or_the_levels_that_is_said(rig, make, today):
+    (seen,) = [one for one in today.findings if one.code == "step-foreseen"]
+    assert seen.values["low"] < seen.values["value"] < seen.values["high"] and seen.levels == (60.0,)
+    assert seen.values["middle"] == pytest.approx(float(rig.foreseen(np.array([60.0])).value[0]))
     for gain, level, code in ((2.5, 60.0, "step-outside"), (0.0, 12.0, "reference-level-outside")):
         odd = eaid.today(rig, eaid.read(make(72, gain, levels=(level,), repeats=1)))
         assert code in codes(odd)

@@ -199,7 +199,10 @@ ROWS: dict[str, Row] = {
         "every input here is counted from rest, which is {rest:g} {unit} on the rig: {low:.4g} to {high:.4g} {unit} "
         "are {rig_low:.4g} to {rig_high:.4g} {unit} there; add {rest:g} to what the rig is given"
     ),
-    "export-from-rest": note("the {subject} counts its output from rest, where the rig's is {idle:.4g} {unit}"),
+    "export-from-rest": caution(
+        "the {subject} counts output and reference from rest, where the rig measures {idle:.4g} {unit}: take that off "
+        "each reading, and each reference, before it is given"
+    ),
     "export-no-release": caution(
         "no release was fitted: how the output falls to rest is an assumption of the {subject}"
     ),

@@ -90,10 +90,17 @@ ROWS: dict[str, Row] = {
         "T_s within ×/÷ {factor:.3g} at the worst level, without the steps ×/÷ {without:.3g} (by {sessions} sessions "
         "and {steps:#reference step})"
     ),
+    "steps-tell-alone": note(
+        "of other levels the steps tell next to nothing: by these sessions no gain differs that all levels share"
+    ),
+    "step-foreseen": note(
+        "the reference step at {levels} {unit_in} shows T_s {value:.3g} {unit}; foreseen was {middle:.3g} ({low:.3g} … "
+        "{high:.3g}), {pct:+.3g} %"
+    ),
     "kept-from-base": note(_kept),
     "step-outside": caution(
-        "the reference step shows T_s {value:.3g} {unit} at {levels}, where the sessions foresee {low:.3g} … "
-        "{high:.3g}: record it again, or this mounting is another rig"
+        "the reference step at {levels} {unit_in} shows T_s {value:.3g} {unit}; foreseen was {middle:.3g} ({low:.3g} … "
+        "{high:.3g}), {pct:+.3g} %: record it again, or this mounting is another rig"
     ),
     # Plans
     "plan-assumes-noise": caution(

@@ -319,7 +319,7 @@ def _after(found: Comparison) -> tuple[str, str]:
         kept, missed = "Keep the gains: the loop does what was promised", "Record and fit steps of the rig as it is now"
         return kept if found.promise.kept else missed, ""
     if found.tune_anew:
-        file = _whole(found.files["A"])
+        file = _whole(found.in_question)
         return "Make gains for the session as it is now", _line("tune-rc", file) if os.path.exists(file) else ""
     if found.tune_anew is None:
         return "Record a reference step, which tells whether the gains still fit", ""

@@ -142,7 +142,7 @@ def _sessions(results: Results) -> Iterator[Light]:
     """The verdict of each comparison, and what the next session may be."""
     for found in (given.result for given in results.comparisons):
         for one in (one for one in found.shifts if one.quantity in CLAIMED):
-            word = "moved: " if one.changed else "same: "
+            word = f"{one.verdict}: "
             yield Light(f"A against {one.against}", "care" if one.changed else "good", word + one.words(), "sessions")
         for subject, words in found.plant_words:
             yield Light(subject, "care", f"moved: {words}", "sessions")
