@@ -1,5 +1,6 @@
 """What drives a plant and what it is compared with, in rows; and the plant's numbers for the inputs of those rows."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -33,6 +34,12 @@ def beginning(drive: Drive, rows: int) -> Drive:
         return drive
     parts = {name: getattr(drive, name)[:rows] for name in ("dt_s", "which", "rising", "y", "w")}
     return drive._replace(**parts, left=0.0)
+
+
+def fall_alone(drives: Sequence[Drive]) -> bool:
+    """Whether inputs fall, and nowhere rise: none of the drives begins at rest."""
+    changes = np.concatenate([np.diff(drive.duty[drive.which]) for drive in drives])
+    return not any(drive.starts_idle for drive in drives) and bool((changes < 0).any() and (changes <= 0).all())
 
 
 def later(drive: Drive, rows: int) -> Drive:

@@ -72,7 +72,9 @@ def choose_among_kinds(experiment: Experiment) -> Chosen:
     """The clutch's own form behind its dead time, with what falls have of their own; another kind where that explains
     as much with less, or more."""
     logs, options = experiment.logs, experiment.options
-    clutch = None if experiment.signed else fit_clutch_form(experiment)
+    one_sided, several = not experiment.signed, len(experiment.inputs.levels) > 1
+    # falls alone tell no lags of the inputs that they come from
+    clutch = fit_clutch_form(experiment) if one_sided and not (several and experiment.falls_alone) else None
     inside, asked = np.abs(np.concatenate([log.input[log.input != 0] for log in logs])), options.duty
     near = BEYOND_INPUTS * float(inside.max())
     beyond = asked is not None and not inside.min() - near <= asked[0] < asked[1] <= inside.max() + near

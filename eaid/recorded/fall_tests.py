@@ -19,6 +19,7 @@ from eaid.arrays import Array, scaled_inverse
 from eaid.estimate.forms import SLOWEST_TAU
 from eaid.findings import Finding, finding
 from eaid.levels.release import LEFT_SAVES
+from eaid.plant.drive import fall_alone
 from eaid.plant.forms import PerLevel
 from eaid.recorded.from_logs import NO_EXTRAS, Setup, Solved, come_near, fit_near, fit_through
 from eaid.recorded.inputs import FEW_LEVELS, Excited
@@ -48,13 +49,7 @@ def list_tests(setup: Setup, stepwise: bool, free: bool) -> tuple[str, ...]:
         rests += any(int((level[at + 1 :] == 0).argmin() or len(level) - at - 1) >= 8 for at in fell)
         falls += int(((level[1:] < level[:-1]) & (level[1:] >= setup.model.low)).sum())
     of_falls = ("fall", *("excess",) * bool(stepwise)) if falls >= 2 and (stepwise or free) else ()
-    return (*("rest",) * (bool(rests) and not setup.falls_as_left), *of_falls) if not falls_alone(setup) else ()
-
-
-def falls_alone(setup: Setup) -> bool:
-    """Whether the logs' inputs fall, and nowhere rise: none of them begins at rest."""
-    changes = np.concatenate([np.diff(drive.duty[drive.which]) for drive in setup.drives])
-    return not any(drive.starts_idle for drive in setup.drives) and bool((changes < 0).any() and (changes <= 0).all())
+    return (*("rest",) * (bool(rests) and not setup.falls_as_left), *of_falls) if not fall_alone(setup.drives) else ()
 
 
 def test_falls(base: Solved, inputs: Excited, free: bool) -> tuple[Solved, tuple[FallTest, ...], tuple[Finding, ...]]:
@@ -199,7 +194,7 @@ def _chance(off: Array, G: Array, uncertainty: Spread) -> float:
 
 def _falls_findings(solved: Solved, judgements: dict[str, Judged]) -> tuple[Finding, ...]:
     seen = "release-as-left" if solved.setup.falls_as_left else "release-not-seen"
-    seen = "rise-not-seen" if falls_alone(solved.setup) else seen
+    seen = "rise-not-seen" if fall_alone(solved.setup.drives) else seen
     findings, kept = [finding(seen, "release")], solved.setup.extras
     if "rest" in judgements:
         taus_s, chance = tuple(judgements["rest"].values.tolist()), judgements["rest"].chance

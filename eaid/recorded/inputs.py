@@ -11,6 +11,7 @@ from eaid.errors import DataError, UsageError
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
+from eaid.plant.drive import fall_alone
 from eaid.steps.stepset import Level, StepSet
 
 WIDEST_LEVEL = 10.0  # Of inputs that are one level the last is not further from the first than this many such parts
@@ -79,6 +80,11 @@ class Experiment:
     def signed(self) -> bool:
         """Whether some input is below rest."""
         return any(float(log.input.min()) < 0 for log in self.logs)
+
+    @property
+    def falls_alone(self) -> bool:
+        """Whether no log shows a rise."""
+        return fall_alone([log.drive for log in self.logs])
 
     @property
     def of_loops(self) -> bool:

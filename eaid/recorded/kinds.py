@@ -20,13 +20,13 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtri
 
-from eaid.arrays import Array, scaled_inverse
+from eaid.arrays import Array, scaled_inverse, white_squares
 from eaid.estimate.forms import in_parallel, of_kind
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.estimate.solver import ROUNDING, approach, newton_step
 from eaid.levels.creep import SHARE_CHANCE
-from eaid.plant.drive import Drive, beginning, delayed
-from eaid.plant.forms import Form, LegendreForm, Proportional, Sides
+from eaid.plant.drive import Drive, beginning, delayed, fall_alone
+from eaid.plant.forms import Form, Knots, LegendreForm, Proportional, Sides, knots_at
 from eaid.plant.sums import lag_sums, swinging_sums
 from eaid.recorded.few_rows import MOVING_ROWS, Copies
 from eaid.recorded.from_logs import (
@@ -47,6 +47,9 @@ LONGEST_DEAD_TIME = 0.2  # Part of the longest log that a dead time may take
 PER_UNKNOWN, PRICE = 0.01, 6.0  # Of the score
 LAST_STEPS = 4
 THROUGH_ALL = 0.9  # Part of the squares that a gain through every level may leave at most
+# Part of the squares with one gain that a T_s(u) leaves, from which on kinds are begun behind that; inputs from which
+# it goes through so many values where no cubic does, and the part of what is left that is white where one does
+BENT_GAIN, MANY_INPUTS, BENT_KNOTS, BENT_WHITE = 0.5, 20, 13, 0.8
 MOST_SPECTRUM_ROWS = 2**20  # Of a log, in which its frequencies are looked for
 BEGUN_PLACES = 3  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
@@ -105,6 +108,11 @@ class Tried:
         return self.kind.name != "clutch" and tau1.stop - tau1.start > 1
 
     @property
+    def gains(self) -> int:
+        """Coefficients of T_s(u)."""
+        return int(self.solved.setup.model.slices[0].stop)
+
+    @property
     def cost(self) -> float:
         """Sum of the squares that are left."""
         return self.solved.cost + self.within
@@ -119,6 +127,7 @@ class Search:
     high: float
     dead_time_s: float | None = None  # Where it was given
     falls_as_left: bool = False  # As the clutch's form has it
+    gain_of: Solved | None = None  # Whose T_s(u) stands for the input where the logs are looked at; None: one gain
     made: dict[float, tuple[Copies, ...]] = field(default_factory=dict)  # Copies of the logs, by the dead time behind
 
     def copies(self, dead_time_s: float) -> tuple[Copies, ...]:
@@ -129,12 +138,19 @@ class Search:
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
         """The logs as they are looked at: where they are long by small copies."""
-        return tuple(map(few_rows, self.copies(0.0)))
+        found, bent = map(few_rows, self.copies(0.0)), self.gain_of
+        return tuple(one if bent is None else one._replace(duty=bent.curves(one.duty).steady) for one in found)
 
     @cached_property
     def signed(self) -> bool:
         """Whether some input is below rest."""
         return any(float(log.input.min()) < 0 for log in self.logs)
+
+    @cached_property
+    def paces(self) -> tuple[int, ...]:
+        """Degrees of time constants over the input that are tried: none where nothing tells them, as a single input, or
+        falls alone, whose lags are those of where they lead."""
+        return () if self.high <= self.low or fall_alone(self.drives) else PACES
 
     @property
     def shortest_s(self) -> float:
@@ -348,6 +364,7 @@ def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried]) -> list
         tried += [
             Tried(one.kind, end) for form, end in more if form.size < levels or end.cost <= THROUGH_ALL * one.cost
         ]
+    tried += try_bent_gains(search, tried, levels)
     tried = [one for one in tried if shows_its_lags(one, search)] or tried
     rows = score_kinds([*tried, *try_paced_lags(search, score_kinds(tried), levels)])
     ended = [refit_on_all(search, one) for one in rows[:FINALISTS]]
@@ -357,12 +374,49 @@ def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried]) -> list
     return [refit_on_all(search, best, last=True), *others]
 
 
+def try_bent_gains(search: Search, tried: Sequence[Tried], levels: int) -> list[Tried]:
+    """Kinds begun behind the T_s(u) of the best single lag, where one gain for all inputs explains far less: begun
+    with one gain their lags imitate what it lacks; of many inputs through values where no cubic does."""
+    lags = [one for one in tried if one.kind.law == "lag"]
+    best, plain = (min(of, key=lambda one: one.cost) for of in (lags, [one for one in lags if one.gains == 1]))
+    knots, found = None if levels < MANY_INPUTS else knots_of(search), list[Tried]()
+    if knots is not None and is_bent(best):
+        through = Tried(best.kind, fit_kind_from(search, best.kind, knots, best.solved))
+        best = through if through.cost < THROUGH_ALL * best.cost else best
+    form = best.solved.setup.model.Ts
+    if best.cost > BENT_GAIN * plain.cost or form is None:
+        return []
+    bent = replace(search, gain_of=best.solved)
+    grid = bent.grid()
+    for kind in LAG_KINDS:
+        begins = [] if kind.late and search.dead_time_s is not None else find_best_places(bent, kind, grid)
+        ends = [fit_kind_from(search, kind, form, at) for at in begins]
+        found += [Tried(kind, min(ends, key=lambda one: one.cost))] if ends else []
+    return found
+
+
+def is_bent(one: Tried) -> bool:
+    """Whether much of what a kind leaves is no white noise."""
+    left = [one.solved.missed_of(k) for k in range(len(one.solved.setup.drives))]
+    return sum(map(white_squares, left)) < BENT_WHITE * sum(float(r @ r) for r in left)
+
+
+def knots_of(search: Search) -> Knots | None:
+    """T_s(u) through values at some of the inputs that the logs show; None of one of both signs, or of a narrow
+    range."""
+    shown = np.concatenate([one.duty[one.which] for one in map(few_rows, search.copies(0.0))])
+    shown = shown[(shown > 0) & (shown >= search.low) & (shown <= search.high)]
+    if search.signed or not search.low < search.high or len(shown) < BENT_KNOTS:
+        return None
+    return Knots(knots_at(shown, search.low, search.high, BENT_KNOTS))
+
+
 def try_paced_lags(search: Search, rows: Sequence[Tried], levels: int) -> list[Tried]:
     """The best kinds, each with every gain that was tried, with time constants that go with the input."""
     found: list[Tried] = []
     for kind in list(dict.fromkeys(one.kind for one in rows))[:FINALISTS]:
         near = [one.solved for one in rows if one.kind == kind]
-        for pace in PACES if search.high > search.low else ():
+        for pace in search.paces:
             if levels > pace:
                 gains = ((one, one.setup.model.Ts) for one in near)
                 ends = [fit_kind_from(search, kind, gain, one, pace) for one, gain in gains if gain is not None]
