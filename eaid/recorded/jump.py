@@ -14,6 +14,7 @@ from eaid.arrays import Array, means_of
 from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.recorded.from_logs import Solved, plant_found
+from eaid.steps.noise import resolution
 
 MOST_JUMP_ROWS = 20_000  # Means of a log by which it is looked for, or somewhat more
 SIDES = (10, 30, 100)  # Rows on either side of a jump whose means are compared
@@ -28,7 +29,8 @@ def find_jump(solved: Solved, k: int) -> tuple[float, float] | None:
     log, plant = solved.logs[k], plant_found(solved)
     left, _, rows = _free_of_unknowns(solved, k)
     known, n, ends = np.flatnonzero(np.isfinite(log.output)), len(left), int(NEAR_ENDS * len(left))
-    whole, least = np.append(0.0, np.cumsum(left)), LEAST_JUMPED * float(np.ptp(solved.outputs[k]))
+    whole, y = np.append(0.0, np.cumsum(left)), solved.outputs[k]
+    least = max(LEAST_JUMPED * float(np.ptp(y)), resolution(y))  # no jump is less than a step of the sensor
     changes = np.unique(np.searchsorted(known, log.changes[1:]) // rows).tolist() if log.stepwise else []
     moving = int(BEHIND_CHANGES * float(plant.time_constants(max(plant.u_range))[0]) / (rows * log.usual_s))
     for side in SIDES:

@@ -382,13 +382,14 @@ def try_bent_gains(search: Search, tried: Sequence[Tried], levels: int) -> list[
     knots, found = None if levels < MANY_INPUTS else knots_of(search), list[Tried]()
     if knots is not None and is_bent(best):
         through = Tried(best.kind, fit_kind_from(search, best.kind, knots, best.solved))
-        best = through if through.cost < THROUGH_ALL * best.cost else best
+        if through.cost < THROUGH_ALL * best.cost:
+            best, found = through, [through]
     form = best.solved.setup.model.Ts
     if best.cost > BENT_GAIN * plain.cost or form is None:
-        return []
+        return found
     bent = replace(search, gain_of=best.solved)
     grid = bent.grid()
-    for kind in LAG_KINDS:
+    for kind in (one for one in LAG_KINDS if one.law != "lag"):
         begins = [] if kind.late and search.dead_time_s is not None else find_best_places(bent, kind, grid)
         ends = [fit_kind_from(search, kind, form, at) for at in begins]
         found += [Tried(kind, min(ends, key=lambda one: one.cost))] if ends else []

@@ -199,7 +199,11 @@ def plant_part(
     constant, rows = ["dead_time_s"] * late, list[tuple[str, float]]()
     if model.kind != "parallel":
         constant = [name for name in known.numbers if name != "dead_time_s" or constant]
-        rows += [("Ts", u) for u in (inputs.levels.tolist() if inputs.stepwise else ())]
+        rings = known.zeta is not None  # and has no curves of its own
+        rows += [
+            ("Ts", u)
+            for u in (inputs.levels if inputs.stepwise else inputs.shown[: rings * len(inputs.shown)]).tolist()
+        ]
         rows += [(name, u) for name in constant if known.paced and name in LAGS for u in inputs.shown.tolist()]
 
     def numbers(x: Array) -> Array:

@@ -101,6 +101,11 @@ class Shift(Result, frozen=True):
         return self.moved or not self.alike
 
     @property
+    def suspect(self) -> bool:
+        """Whether its interval leaves out 1, though as one of several numbers it has not moved for certain."""
+        return not self.changed and not self.low <= 1 <= self.high
+
+    @property
     def verdict(self) -> str:
         """moved; apart, some levels; same, within `HARDLY`; unclear, where the interval reaches further."""
         if self.changed:
@@ -187,7 +192,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
         moved. None: perhaps, as a reference step tells, or the gains do."""
         if self.retune is not None:
             return bool(self.files) and self.retune.needed
-        return self.changed or (None if any(one.changed for one in self.shifts) else False)
+        return self.changed or (None if any(one.changed or one.suspect for one in self.shifts) else False)
 
     @property
     def in_question(self) -> str:
@@ -197,7 +202,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     @property
     def retuning(self) -> str:
         """Whether to make gains anew, in words."""
-        others = ", ".join(CALLED[one.quantity] for one in self.shifts if one.changed)
+        others = ", ".join(CALLED[one.quantity] for one in self.shifts if one.changed or one.suspect)
         said = "likely, as A moved" if self.changed else f"perhaps, as {others} moved" if others else "no sign of it"
         asked = f"{said}; «gains» gains.json holds the range of the gains against A"
         return asked if self.retune is None else self.retune.words()
@@ -205,7 +210,7 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     def lines(self) -> list[str]:
         """The verdict."""
         said = [f"{letter}       {name}" for letter, name in self.files.items()]
-        told = (one for one in self.shifts if one.quantity in CLAIMED or one.changed)
+        told = (one for one in self.shifts if one.quantity in CLAIMED or one.changed or one.suspect)
         said += [f"{one.verdict:7} A against {one.against}: {one.words()}" for one in told]
         said += [f"moved   {subject}: {words}" for subject, words in self.plant_words]
         if self.files:

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
 from scipy.signal import lfilter
 
 import eaid
@@ -393,3 +394,38 @@ def test_runs_of_steps_beside_a_log_scatter_in_the_intervals() -> None:
     for u in (20.0, 40.0, 60.0, 80.0, 100.0):
         value, low, high = fit.at(u).loc["Ts", ["value", "low", "high"]]
         assert low < float(clutch.steady(u)) < high and high / low > 1.03, (u, value, low, high)
+
+
+@pytest.mark.parametrize("curve", ["sigmoid", pytest.param("band", marks=pytest.mark.slow)])
+def test_what_rings_behind_a_curve_that_no_cubic_follows_is_no_other_kind(curve: str) -> None:
+    """It was two lags with C at its bound and a dead time, "usable yes", or a T_s below 0 to be fitted again."""
+    rng, dt, omega, zeta = np.random.default_rng(5), 0.004, 40.0, 0.25
+    u = np.repeat(rng.uniform(5, 100, 90), rng.integers(50, 250, 90))
+    u[:40] = 0.0
+    held = (
+        3 / (1 + np.exp(-(u - 55) / 5)) - 3 / (1 + np.exp(11)) if curve == "sigmoid" else 0.05 * np.maximum(u - 45, 0)
+    )
+    A = expm(dt * np.array([[0.0, omega], [-omega, -2 * zeta * omega]]))
+    x, y = np.zeros(2), np.zeros(len(u))
+    for k in range(len(u) - 1):
+        x = A @ (x - [held[k], 0.0]) + [held[k], 0.0]
+        y[k + 1] = x[0]
+    rows = {"time_s": dt * np.arange(len(u)), "duty_pct": u, "torque_nm": y + 0.02 * rng.standard_normal(len(u))}
+    fit = eaid.fit(pd.DataFrame(rows))
+    assert fit.plant.kind == "ringing" and fit.verdict.usable and fit.plant.dead_time_s < dt / 2
+    assert fit.plant.zeta == pytest.approx(zeta, rel=0.03) and 1 / fit.plant.tau1[0] == pytest.approx(omega, rel=0.01)
+    assert fit.plant.steady(70.0) == pytest.approx(2.86 if curve == "sigmoid" else 1.25, rel=0.03)
+
+
+def test_falls_alone_tell_constant_lags_and_what_they_fell_from() -> None:
+    """Curves of τ over inputs that nothing rises to ran to 600 s, T_s to half of what was held, "usable yes"."""
+    t, rng, logs = np.arange(0, 6, 0.01), np.random.default_rng(2), {}
+    for u in (25.0, 50.0, 75.0, 100.0):
+        gone = np.maximum(t - 3.1, 0)
+        y = 4e-4 * u * u * (0.5 * np.exp(-gone / 0.1) + 0.5 * np.exp(-gone / 0.3)) + 0.02 * rng.standard_normal(len(t))
+        logs[f"fall{u:g}"] = pd.DataFrame({"time_s": t, "duty_pct": np.where(t < 3, u, 0.0), "torque_nm": y})
+    fit = eaid.fit(logs)
+    one, two = fit.plant.time_constants(60.0)
+    assert (one, two) == (pytest.approx(0.1, rel=0.15), pytest.approx(0.3, rel=0.15))
+    assert fit.plant.dead_time_s == pytest.approx(0.1, abs=0.01)
+    assert fit.plant.steady(75.0) == pytest.approx(2.25, rel=0.01)

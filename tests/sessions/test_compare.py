@@ -323,3 +323,18 @@ def test_a_shift_beyond_its_own_interval_that_is_one_of_several_says_so():
     """`same … (+0.4 … +9; p 0.12)` contradicted itself."""
     one = Shift("Ts", "B", 1.047, 1.004, 1.09, 0.12, 0.5)
     assert not one.changed and one.words().startswith("T_s +4.7 % (+0.4 … +9.0; p 0.12, being one of several numbers)")
+
+
+def test_a_number_whose_own_interval_leaves_out_1_is_told_and_no_reason_to_keep_the_gains_unseen(before, make):
+    """τ1 that was 8 % apart went unsaid, under «make the gains anew: no sign of it»."""
+    found = eaid.compare(eaid.fit(make(55)), before)
+    shifts = tuple(
+        Shift("tau1", "B", 1.08, 1.01, 1.155, 0.09, 0.8) if one.quantity == "tau1" else msgspec.structs.replace(
+            one, low=0.9, high=1.1, p=1.0, ratio=1.0
+        ) for one in found.shifts
+    )  # fmt: skip
+    held = msgspec.structs.replace(found, shifts=shifts, retune=None)
+    said = "\n".join(held.lines())
+    assert "τ1 +8" in said and "perhaps, as τ1 moved" in said
+    calm = tuple(one for one in shifts if one.quantity != "tau1")
+    assert "perhaps" not in "\n".join(msgspec.structs.replace(held, shifts=calm).lines())

@@ -65,8 +65,8 @@ ROWS: dict[str, Row] = {
     ),
     "several-sessions": caution(_one_of_several, always=True, rank=1, first="fit each session by itself"),
     "session-assumes-scatter": caution(
-        "session {subject} has too few runs, or engagements, to show how these scatter: 3 % of T_s is assumed, and a "
-        "shift of a few times as much may be chance; repeat each level"
+        "session {subject} has too few runs, or engagements, to show how these scatter: 3 % of T_s and 5 % of τ are "
+        "assumed, and a shift of a few times as much may be chance; repeat each level"
     ),
     "kind-moved": caution(
         lambda v: (
