@@ -366,6 +366,8 @@ def try_every_kind(search: Search, levels: int, rivals: Sequence[Tried]) -> list
         ]
     tried += try_bent_gains(search, tried, levels)
     tried = [one for one in tried if shows_its_lags(one, search)] or tried
+    worst_first = sorted(tried, key=lambda one: -one.cost)
+    tried = list({(one.kind, one.gains): one for one in worst_first}.values())  # the best of what began in two places
     rows = score_kinds([*tried, *try_paced_lags(search, score_kinds(tried), levels)])
     ended = [refit_on_all(search, one) for one in rows[:FINALISTS]]
     within = max(ended[0].cost - rows[0].cost, 0.0)
