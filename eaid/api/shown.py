@@ -146,6 +146,8 @@ def plot(result: "Fit | Gains | Replay | Rig | Comparison", ax: Any = None) -> A
         raise UsageError(f"result: is a {type(result).__name__}; give a fit, gains or a replay")
     if isinstance(result, Fit) and isinstance(ax, str) and ax == "residuals":
         return plot_residuals(result)
+    if isinstance(ax, str):
+        raise UsageError(f"«ax» {ax!r:.40}: is no drawing; 'residuals', of a fit, is the only one that has a name")
     if ax is not None and not hasattr(ax, "plot"):
         raise UsageError(f"«ax» {ax!r:.40}: is no matplotlib Axes; leave it out, or give one of plt.subplots()")
     return drawn(result, ax)

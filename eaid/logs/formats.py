@@ -33,6 +33,7 @@ UNREAD: tuple[tuple[bytes, str], ...] = (
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook; save its sheet as CSV"),
     *((bytes((0x80, n)), "a Python pickle, which can run code; export the log as CSV or HDF5") for n in (2, 3, 4, 5)),
     *((mark, "packed, but not with gzip; unpack it") for mark in (b"BZh", b"\xfd7zXZ", b"(\xb5/\xfd", b"7z\xbc\xaf")),
+    (b'{\n "schema": "eaid/', "a result of eaid, no log; give the logs that it was made of (eaid.load opens it)"),
     (b"%PDF", "a PDF; export the log as CSV"),
     *((mark, "an MDF measurement file; export it as CSV or HDF5") for mark in (b"MDF     ", b"UnFinMF ")),
     *((mark, "a ROS bag; export its topics as CSV or HDF5") for mark in (b"#ROSBAG V", b"\x89MCAP0\r\n")),

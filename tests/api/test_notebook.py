@@ -229,7 +229,7 @@ WRONG: dict[str, tuple[Callable[[Any], Any], type[Exception], str]] = {
         lambda r: eaid.tune_rc(r.folder / "gains.json"), UsageError, "gains.json holds Gains; give what eaid.fit"),
     "a fit for gains": (lambda r: eaid.simulate(r.fit, r.fit), UsageError, "gains: is a Fit; give what eaid.tune_rc"),
     "residuals of a file": (lambda r: eaid.load(r.folder / "fit.json").residuals, DataError, "fit again"),
-    "a text for axes": (lambda r: r.fit.plot("duty"), UsageError, "ax= 'duty': is no matplotlib Axes"),
+    "a text for axes": (lambda r: r.fit.plot("duty"), UsageError, "ax= 'duty': is no drawing; 'residuals'"),
     "a frame to plot": (lambda r: eaid.plot(r.frames[0]), UsageError, "result: is a DataFrame"),
     "no folder": (lambda r: eaid.report(r.fit, r.gains), UsageError, "to=: name the folder of the page"),
     "a level in words": (lambda r: r.fit.at("high"), UsageError, "level= 'high': give a number"),

@@ -63,6 +63,8 @@ BAD: dict[str, tuple[Any, ...]] = {
     **{f"{mark!r}": (mark + bytes(100), f"is {said}") for mark, said in UNREAD.items()},
     "empty.csv": (b"", "is empty; record the log again"), "blank.csv": (b"\n \n\n", "is empty; record the log again"),
     "header.csv": (csv([]), PROSE),
+    "fit.json": (b'{\n "schema": "eaid/fit/2",\n',
+                 "is a result of eaid, no log; give the logs that it was made of (eaid.load opens it)"),
     "prose.csv": (b"Dear all,\nthe clutch broke.\nNo data today.\nSorry.\n", PROSE),
     "binary.csv": (bytes(range(256)) * 40, f"is {BINARY}"),
     "repeated.csv": (changed(100, GOOD[97]), "time is repeated at row 100 (0.97 s after 0.97 s)" + SORT),
