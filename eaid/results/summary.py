@@ -68,7 +68,7 @@ def answer(fit: "Fit") -> list[str]:
         used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
         parted = any(one.code in ("joint-fit-parts", "joint-fit-asked-for-parts") for one in fit.findings)
         apart = " (not the joint fit, which gains that scatter lead astray)" if parted else ""
-        lines.append(f"used   {used}{apart}")
+        lines.append(f"used   {used}{apart}{_late(fit)}")
     return [*lines, *_hold_line(fit)]
 
 
@@ -135,6 +135,14 @@ def plant_values(part: FittedPlant) -> list[tuple[str, str]]:
             said, unit = " … ".join(f"{part.at(u)[key][0]:.4g}" for u in part.u_range), f"{unit} over the input"
         found.append((name, f"{said}{unit}"))
     return found
+
+
+def _late(fit: "Fit") -> str:
+    """Behind which dead time the curves begin; empty: none."""
+    if fit.plant_ is None or fit.plant_.dead_time_s <= 0:
+        return ""
+    value, ends = fit.plant_.numbers["dead_time_s"]
+    return f", behind a dead time of {_with_ends(value, ends, 3)} s"
 
 
 def _hold_line(fit: "Fit") -> list[str]:

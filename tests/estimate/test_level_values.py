@@ -301,7 +301,9 @@ def test_levels_that_runs_scatter_off_the_curve_stop_no_fit() -> None:
 @pytest.mark.parametrize("late_s", [0.0, 0.05])
 def test_a_share_that_is_wrong_hides_no_dead_time(late_s: float) -> None:
     """C is 0.7 and held at 0.85: 0.071 for 0.05, and none for 0.1, behind which a PI of 40 dB was unstable."""
-    assert eaid.fit(clutch_steps(0.7, 0.05, 0.12, late_s)).dead_time_s == pytest.approx(late_s, abs=3e-3)
+    fit = eaid.fit(clutch_steps(0.7, 0.05, 0.12, late_s))
+    assert fit.dead_time_s == pytest.approx(late_s, abs=3e-3)
+    assert ("behind a dead time of 0.0" in str(fit)) == (late_s > 0)
 
 
 def test_one_level_more_than_the_curve_has_coefficients_tells_that_levels_scatter() -> None:

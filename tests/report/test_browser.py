@@ -152,7 +152,8 @@ def test_every_page_is_short_answers_first_and_serves_assistive_technology(
         assert tab.evaluate(BOTTOM, part) <= height, part
     assert len(tab.query_selector_all(".lights a")) == 3 and len(tab.query_selector_all(".next li")) <= 3
     assert len(tab.query_selector_all(".numbers table")) == {"all": 2, "long": 2}.get(name, 1)
-    assert len(tab.query_selector_all(".pictures img")) == 2
+    one_level = name == "staircase"  # its steps end at one level: nothing lies over the input
+    assert len(tab.query_selector_all(".pictures img")) == 2 - one_level
     heights = tab.evaluate("[...document.querySelectorAll('.lights a')].map(one => one.getBoundingClientRect().height)")
     assert max(heights) < (80 if wide else 200)
     tab.evaluate("window.scrollTo(0, 3000)")
