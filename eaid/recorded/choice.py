@@ -255,7 +255,7 @@ def _try_kinds_behind(
     acting = (shift_input(log, one.rows) for log, one in zip(logs, late, strict=True))
     begun = tuple(mark_resting_start(log, inputs) for log in acting)
     as_left = any(one.solved.fitted.falls_as_left for one in rivals)
-    search = Search(begun, inputs.low, inputs.high, given_s, as_left)
+    search = Search(begun, inputs.low, inputs.high, given_s, as_left, experiment.options.curve == "auto")
     rows = try_every_kind(search, len(inputs.levels) if inputs.stepwise else MANY_LEVELS, rivals)
     if passes > 1 and rows[0].kind.zero and rows[0].kind.late:  # what came before a log began makes a zero, too
         shown = [drop_outputs_before(log, rows[0].solved.dead_time_s) for log in logs]

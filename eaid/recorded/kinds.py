@@ -127,6 +127,7 @@ class Search:
     high: float
     dead_time_s: float | None = None  # Where it was given
     falls_as_left: bool = False  # As the clutch's form has it
+    any_curve: bool = True  # T_s(u) may go through values: no form of it was asked for
     gain_of: Solved | None = None  # Whose T_s(u) stands for the input where the logs are looked at; None: one gain
     made: dict[float, tuple[Copies, ...]] = field(default_factory=dict)  # Copies of the logs, by the dead time behind
 
@@ -381,7 +382,7 @@ def try_bent_gains(search: Search, tried: Sequence[Tried], levels: int) -> list[
     with one gain their lags imitate what it lacks; of many inputs through values where no cubic does."""
     lags = [one for one in tried if one.kind.law == "lag"]
     best, plain = (min(of, key=lambda one: one.cost) for of in (lags, [one for one in lags if one.gains == 1]))
-    knots, found = None if levels < MANY_INPUTS else knots_of(search), list[Tried]()
+    knots, found = knots_of(search) if search.any_curve and levels >= MANY_INPUTS else None, list[Tried]()
     if knots is not None and is_bent(best):
         through = Tried(best.kind, fit_kind_from(search, best.kind, knots, best.solved))
         if through.cost < THROUGH_ALL * best.cost:
