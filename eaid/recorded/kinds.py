@@ -55,7 +55,7 @@ BEGUN_PLACES = 3  # Places of the grid from which each kind is fitted
 FINALISTS = 2  # Kinds that are compared with rivals
 PACES = (1, 2)  # Degrees of time constants over the input
 SLOW_PART = 0.4  # Of the longest log, up to which a slow part beside a fast one is no drift
-ENDLESS_TAU = 1e5  # Time constant of none, in records
+ENDLESS_TAU = 1e3  # Time constant of none, in records; of more the sums of two lags are all rounding
 MOST_RECORDS = 20.0  # Of a lag's time constant, beyond which it is none
 INTEGRATES = 1.03  # Squares of an integrator over those of the best kind, up to which that is what it is
 
