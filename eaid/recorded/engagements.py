@@ -36,8 +36,8 @@ def engagement_starts(drive: Drive) -> NDArray[np.intp]:
 
 
 def of_rows(values: NDArray[Any], starts: NDArray[np.intp], rows: int) -> NDArray[Any]:
-    """At each of so many rows the value of its engagement, (N,)."""
-    return np.repeat(values, np.diff(np.append(starts, rows)))
+    """At each of so many rows the value of its engagement, (N, …)."""
+    return np.repeat(values, np.diff(np.append(starts, rows)), axis=0)
 
 
 WINDOW_S = 2.0  # Stretch over which the density of the noise is taken [s] …
@@ -185,12 +185,11 @@ def free_gains(setup: Setup, x: Array, weight: float) -> list[FreedLog]:
         starts = engagement_starts(drive)
         square = np.add.reduceat(T * T, starts)
         loaded = square > LEAST_LOAD * square.mean()
-        counts = np.diff(np.append(starts, len(T)))
-        share = T * np.repeat(loaded / np.maximum(square, 1e-300), counts)
+        share = T * of_rows(loaded / np.maximum(square, 1e-300), starts, len(T))
         of_gains = np.array([np.add.reduceat(share * column, starts) for column in J.T]).T  # G_e
-        T = T * np.repeat(loaded, counts)
-        left = r - T * np.repeat(np.add.reduceat(share * r, starts), counts)
-        Z = J - (T - weight * share)[:, None] * np.repeat(of_gains, counts, axis=0)
+        T = T * of_rows(loaded, starts, len(T))
+        left = r - T * of_rows(np.add.reduceat(share * r, starts), starts, len(T))
+        Z = J - (T - weight * share)[:, None] * of_rows(of_gains, starts, len(T))
         found.append(FreedLog(Z, J, r, left, weight * of_gains[loaded]))
     return found
 

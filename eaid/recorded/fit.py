@@ -159,10 +159,9 @@ def _level_errors(solved: Solved, shown: Array) -> tuple[LevelError, ...]:
     for i, level in enumerate(shown.tolist()):
         at = nearest == i
         row = errors([y[at]], [missed[at]]).at(level) if at.any() else LevelError(level)
+        # one that has settled has nothing to be explained
         if at.any() and white_squares(y[at]) > NOISE_ALONE * float(np.sum((y[at] - y[at].mean()) ** 2)):
-            row = msgspec.structs.replace(
-                row, fit_pct=None, R2=None
-            )  # it has settled: nothing is there to be explained
+            row = msgspec.structs.replace(row, fit_pct=None, R2=None)
         rows.append(row)
     return tuple(rows)
 

@@ -5,7 +5,7 @@ on every sample, and what one more of them would gain is the verdict, as with th
 """
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -189,7 +189,13 @@ class Setup:
     def acting(self, log: int, theta_s: float) -> Drive:
         """A log's inputs where they act; of few rows made once for all places with one dead time."""
         few = len(self.drives[log].w) <= SEARCHED_ROWS
-        return delay_log(self, log, theta_s) if few else delayed(self.drives[log], theta_s)
+        return self.few_behind(log, theta_s) if few else delayed(self.drives[log], theta_s)
+
+    @cached_property
+    def few_behind(self) -> Callable[[int, float], Drive]:
+        """The same as kept, of the places that were asked for last, for as long as this setup is."""
+        drives = self.drives
+        return lru_cache(maxsize=32)(lambda log, theta_s: delayed(drives[log], theta_s))
 
     def derivatives(self, x: Array, log: int, of_unknowns: bool = True, rows: int = ROWS_AT_ONCE) -> Iterator[Array]:
         """√w ∂f/∂x of a log's own columns, then √w (f − y), for its samples that count, (N, p + 1), some rows at a
@@ -249,12 +255,6 @@ class Setup:
             mean = float(drive.w @ drive.y) / float(drive.w.sum())
             energy += float(drive.w @ (drive.y - mean) ** 2) + drive.left
         return Problem(self.together, A, b, codes.__getitem__, floor=ROUNDING * energy)
-
-
-@lru_cache(maxsize=32)
-def delay_log(setup: Setup, log: int, theta_s: float) -> Drive:
-    """The inputs of a log behind a dead time."""
-    return delayed(setup.drives[log], theta_s)
 
 
 def setup_of(

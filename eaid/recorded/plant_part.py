@@ -199,11 +199,8 @@ def plant_part(
     constant, rows = ["dead_time_s"] * late, list[tuple[str, float]]()
     if model.kind != "parallel":
         constant = [name for name in known.numbers if name != "dead_time_s" or constant]
-        rings = known.zeta is not None  # and has no curves of its own
-        rows += [
-            ("Ts", u)
-            for u in (inputs.levels if inputs.stepwise else inputs.shown[: rings * len(inputs.shown)]).tolist()
-        ]
+        if inputs.stepwise or known.zeta is not None:  # two lags in series, or ringing, have no curves of their own
+            rows += [("Ts", u) for u in (inputs.levels if inputs.stepwise else inputs.shown).tolist()]
         rows += [(name, u) for name in constant if known.paced and name in LAGS for u in inputs.shown.tolist()]
 
     def numbers(x: Array) -> Array:

@@ -102,8 +102,9 @@ class Shift(Result, frozen=True):
 
     @property
     def suspect(self) -> bool:
-        """Whether its interval leaves out 1, though as one of several numbers it has not moved for certain."""
-        return not self.changed and not self.low <= 1 <= self.high
+        """Whether its interval leaves out 1 and reaches beyond `HARDLY`, though as one of several numbers it has not
+        moved for certain."""
+        return self.verdict == "unclear" and not self.low <= 1 <= self.high
 
     @property
     def verdict(self) -> str:
@@ -202,10 +203,17 @@ class Comparison(Plotted, codec.Saved, Made, frozen=True):
     @property
     def retuning(self) -> str:
         """Whether to make gains anew, in words."""
-        others = ", ".join(CALLED[one.quantity] for one in self.shifts if one.changed or one.suspect)
-        said = "likely, as A moved" if self.changed else f"perhaps, as {others} moved" if others else "no sign of it"
-        asked = f"{said}; «gains» gains.json holds the range of the gains against A"
-        return asked if self.retune is None else self.retune.words()
+        if self.retune is not None:
+            return self.retune.words()
+        moved = ", ".join(CALLED[one.quantity] for one in self.shifts if one.changed)
+        suspect = ", ".join(CALLED[one.quantity] for one in self.shifts if one.suspect)
+        if self.changed:
+            said = "likely, as A moved"
+        elif moved or suspect:
+            said = f"perhaps, as {moved or suspect} {'moved' if moved else 'may have moved'}"
+        else:
+            said = "no sign of it"
+        return f"{said}; «gains» gains.json holds the range of the gains against A"
 
     def lines(self) -> list[str]:
         """The verdict."""
