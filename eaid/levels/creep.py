@@ -24,6 +24,7 @@ from eaid.levels.from_steps import fit_levels_first
 from eaid.plant.steps import step_slopes
 from eaid.results.models import ShareEstimate
 from eaid.shapes.shape import is_coloured
+from eaid.steps.noise import resolution
 from eaid.steps.stepset import Creep, Level, StepSet
 
 SHARE_CHANCE = 1e-3  # That noise alone rejects the C that was held, or makes a creep
@@ -77,7 +78,8 @@ def find_share_and_creep(stepset: StepSet, share: ShareEstimate, held: float) ->
     told = bool(share.matters and share.ci95 is not None and share_is_told(*share.ci95))
     if told and single and len(levels) < FEWEST_CREEP_SINGLES:  # noise that lasts bends them as another C does
         data = data_of(levels)
-        told = not any(map(is_coloured, fit_levels_first(data, None).residuals(data)))
+        rows = zip(levels, fit_levels_first(data, None).residuals(data), strict=True)
+        told = not any(is_coloured(left) and left.std() > resolution(level.mean) / 2 for level, left in rows)
     return told, None
 
 

@@ -36,13 +36,14 @@ from eaid.recorded.engagements import (
 from eaid.recorded.few_rows import BINS
 from eaid.recorded.from_logs import Setup, Solved, idle_found
 from eaid.recorded.late import differ_by_a_row
-from eaid.steps.noise import correlation_s
+from eaid.steps.noise import correlation_s, resolution
 from eaid.steps.stepset import Level
 
 SMOOTH_PART = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
 LEAST_LEFT = 0.25  # A line keeps at least this part of its power
 SMALL_OUTPUT = 9.0  # An output is small or large beside its mean square over this
 FEWEST_LINES = 8  # … and at least so many lines
+FEWEST_STANDING = 4  # Rows of an output that stands still, its sensor being coarser than its noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,6 +275,7 @@ def spread(solved: Solved, with_lags: bool = False) -> Spread:
     between = S.T @ S * scatter.gain**2 * (scatter.chance <= GAINS_SEEN)
     if setup.between_rows:
         between += pull @ by_changes(solved, freed) @ pull.T
+    noise += pull @ by_standing(solved, freed) @ pull.T
     if of_gains is not None and freed is not None and weight is not None:
         told = 0.0  # Unknowns that gains tell: T_s as a whole, or its curve
         for place, of_log in zip(setup.places, freed, strict=True):
@@ -303,6 +305,34 @@ def by_changes(solved: Solved, freed: "Sequence[FreedLog] | None") -> Array:
             s[which[first]] += np.add.reduceat(piece[:, : len(columns)] * D[rows, None], first)
             at += len(piece)
         total[np.ix_(columns, columns)] += s[1:].T @ s[1:] / 12
+    return total
+
+
+def by_standing(solved: Solved, freed: "Sequence[FreedLog] | None") -> Array:
+    """Variance of Σ Z r by a sensor that is coarser than its noise: Σ s s'/12, s = Σ Z (q − d) of the stretches for
+    which one input leaves it on one count, q its step, d by how much the model moves in a stretch: the output may lie
+    anywhere in what is left of q."""
+    setup, total = solved.setup, np.zeros((solved.setup.size, solved.setup.size))
+    for log, drive in enumerate(setup.drives):
+        y, columns, at = solved.outputs[log], setup.places[log].columns, 0
+        still = np.diff(y) == 0
+        if 2 * np.count_nonzero(still) < len(still) or not (q := resolution(y)):
+            continue
+        f, root, stretch = y + solved.missed[log], np.sqrt(drive.w[drive.w > 0]), np.append(0, np.cumsum(~still))
+        first = np.flatnonzero(np.diff(stretch, prepend=-1))
+        last = np.append(first[1:], len(y)) - 1
+        room = np.maximum(q - np.abs(f[last] - f[first]), 0.0) * (last - first >= FEWEST_STANDING - 1)
+        s = np.zeros((len(first), len(columns)))
+        for piece in setup.derivatives(solved.x, log) if freed is None else (freed[log].Z,):
+            which = stretch[at : at + len(piece)]
+            begun = np.flatnonzero(np.diff(which, prepend=-1))
+            Z = piece[:, : len(columns)] * root[at : at + len(piece), None]
+            s[which[begun]] += np.add.reduceat(Z, begun)
+            at += len(piece)
+        alike = np.unique(np.stack([drive.which[drive.w > 0][first], y[first]]), axis=1, return_inverse=True)[1].ravel()
+        off = np.zeros((alike.max() + 1, len(columns)))  # the same wherever one input holds it on one count
+        np.add.at(off, alike, room[:, None] * s)
+        total[np.ix_(columns, columns)] += off.T @ off / 12
     return total
 
 

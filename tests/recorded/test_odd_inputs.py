@@ -47,6 +47,19 @@ def test_levels_that_are_all_but_alike_are_one():
     assert find_inputs([log(t, u)], None).levels == pytest.approx([20, 60, 100], abs=0.01)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_sensor_that_is_coarser_than_its_noise_may_lie_anywhere_within_a_step(seed):
+    random, count = np.random.default_rng(seed), 0.08
+    t = np.arange(9000) * 0.02
+    u = np.repeat([0.0, 30.0, 60.0, 90.0, 60.0, 30.0], 1500)
+    y = respond(LAG, t, u, t) + random.uniform(0, count) + 0.1 * count * random.standard_normal(len(t))
+    seen = count * np.round(y / count)
+    found = fit_recorded([RecordedLog("log", t, u, seen)], FitOptions(model=("nonlinear",)))
+    low, high = found.plant_.at(60.0)["Ts"][1]
+    assert low < LAG.steady(60.0) < high
+    assert count / 3 < high - low < 3 * count  # of a thousandth of a count, were each row's rounding its own
+
+
 @pytest.mark.slow
 def test_an_input_that_changes_within_a_gap_is_not_noted_late(tmp_path):
     random = np.random.default_rng(4)

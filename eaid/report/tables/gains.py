@@ -5,6 +5,8 @@ from operator import itemgetter
 
 from eaid.apparatus import PAPER
 from eaid.control.kinds import LAW_KINDS
+from eaid.findings import enumerated
+from eaid.options import LAWS
 from eaid.report import rig
 from eaid.report.rig import controller_name, gain_unit
 from eaid.report.tables import Cell, Table, level, table_of
@@ -145,6 +147,10 @@ def controllers_table(gains: Gains) -> Table:
     on = f" on the {errors.reference}" if errors is not None else ""
     if errors is not None and errors.reference != "multisine" and errors.counted_from_s:
         on += f", from {errors.counted_from_s:.3g} s on"
+    names = [*(errors.rows if errors is not None else gains.controllers_by_name)]
+    code = [name for name in names if name in LAWS]
+    alone = f"eaid export takes {enumerated(code)} to a rig; the other rows run in replays alone."
+    said = ("Margins: the least over the held inputs.", comparison(gains), alone if 0 < len(code) < len(names) else "")
     rows: list[tuple[str, str, tuple[Cell, Cell], Cell]] = []
     for name, one in (errors.rows if errors is not None else {}).items():
         held = gains.controllers_by_name.get(name)
@@ -155,7 +161,7 @@ def controllers_table(gains: Gains) -> Table:
         rows = [(controller_name(name), _gains(name, held), _margin_cells(margins.worst.get(name)), None)
                 for name, held in gains.controllers_by_name.items()]  # fmt: skip
     return table_of(
-        "Controllers", f"Margins: the least over the held inputs. {comparison(gains)}".rstrip(), rows,
+        "Controllers", " ".join(filter(None, said)), rows,
         ("controller", itemgetter(0)), ("gains", itemgetter(1)),
         (("gain margin", "dB", 3), lambda of: of[2][0]), (("phase margin", "°", 3), lambda of: of[2][1]),
         ((f"largest error{on}", gains.output_unit, 3), itemgetter(3)),
