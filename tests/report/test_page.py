@@ -337,7 +337,9 @@ def test_rc_stands_beside_a_pi_of_its_own_margins(report_of):
     """… with and without its feedforward."""
     fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
     gains = gains_of(fit)
-    _heads, *rows = report_of(fit, gains).numbers["Controllers"]
+    page = report_of(fit, gains)
+    assert "eaid export takes rc and pi to a rig; the other rows run in replays alone" in page.text
+    _heads, *rows = page.numbers["Controllers"]
     for row, name in zip(rows, ("rc", "equal_pi_feedforward", "equal_pi", "pi", "paper_pi"), strict=True):
         one = gains["replayed"][name]
         assert row[1:] == [number(one[key], 3) for key in ("gain_db", "phase_deg", "max_abs_error_nm")], name
