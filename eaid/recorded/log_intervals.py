@@ -36,7 +36,7 @@ from eaid.recorded.engagements import (
 from eaid.recorded.few_rows import BINS
 from eaid.recorded.from_logs import Setup, Solved, idle_found
 from eaid.recorded.late import differ_by_a_row
-from eaid.steps.noise import correlation_s, resolution
+from eaid.steps.noise import correlation_s, resolution, sample_noise
 from eaid.steps.stepset import Level
 
 SMOOTH_PART = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
@@ -294,17 +294,11 @@ def by_changes(solved: Solved, freed: "Sequence[FreedLog] | None") -> Array:
     one row later makes of the residuals."""
     setup, total = solved.setup, np.zeros((solved.setup.size, solved.setup.size))
     for log, drive in enumerate(setup.drives):
-        columns, counted, at = setup.places[log].columns, np.cumsum(drive.w > 0), 0
+        columns, counted = setup.places[log].columns, np.cumsum(drive.w > 0)
         starts = np.unique(counted[np.flatnonzero(np.diff(drive.which) != 0)])
         D = differ_by_a_row(setup, solved.x[columns], drive)
-        s = np.zeros((len(starts) + 1, len(columns)))  # the first of rows before any change
-        for piece in setup.derivatives(solved.x, log) if freed is None else (freed[log].Z,):
-            rows = np.arange(at, at + len(piece))
-            which = np.searchsorted(starts, rows, side="right")
-            first = np.flatnonzero(np.diff(which, prepend=-1))
-            s[which[first]] += np.add.reduceat(piece[:, : len(columns)] * D[rows, None], first)
-            at += len(piece)
-        total[np.ix_(columns, columns)] += s[1:].T @ s[1:] / 12
+        s = sums_of_parts(solved, log, freed, np.searchsorted(starts, np.arange(len(D)), side="right"), D)
+        total[np.ix_(columns, columns)] += s[1:].T @ s[1:] / 12  # the first is of rows before any change
     return total
 
 
@@ -314,26 +308,33 @@ def by_standing(solved: Solved, freed: "Sequence[FreedLog] | None") -> Array:
     anywhere in what is left of q."""
     setup, total = solved.setup, np.zeros((solved.setup.size, solved.setup.size))
     for log, drive in enumerate(setup.drives):
-        y, columns, at = solved.outputs[log], setup.places[log].columns, 0
-        still = np.diff(y) == 0
-        if 2 * np.count_nonzero(still) < len(still) or not (q := resolution(y)):
+        y, columns, counted = solved.outputs[log], setup.places[log].columns, drive.w > 0
+        if sample_noise(y) > 0 or not (q := resolution(y)):  # most rows differ, or no step is told
             continue
-        f, root, stretch = y + solved.missed[log], np.sqrt(drive.w[drive.w > 0]), np.append(0, np.cumsum(~still))
+        f, stretch = y + solved.missed[log], np.append(0, np.cumsum(np.diff(y) != 0))
         first = np.flatnonzero(np.diff(stretch, prepend=-1))
         last = np.append(first[1:], len(y)) - 1
         room = np.maximum(q - np.abs(f[last] - f[first]), 0.0) * (last - first >= FEWEST_STANDING - 1)
-        s = np.zeros((len(first), len(columns)))
-        for piece in setup.derivatives(solved.x, log) if freed is None else (freed[log].Z,):
-            which = stretch[at : at + len(piece)]
-            begun = np.flatnonzero(np.diff(which, prepend=-1))
-            Z = piece[:, : len(columns)] * root[at : at + len(piece), None]
-            s[which[begun]] += np.add.reduceat(Z, begun)
-            at += len(piece)
-        alike = np.unique(np.stack([drive.which[drive.w > 0][first], y[first]]), axis=1, return_inverse=True)[1].ravel()
-        off = np.zeros((alike.max() + 1, len(columns)))  # the same wherever one input holds it on one count
-        np.add.at(off, alike, room[:, None] * s)
-        total[np.ix_(columns, columns)] += off.T @ off / 12
+        # the same wherever one input holds it on one count
+        alike = np.unique(np.stack([drive.which[counted][first], y[first]]), axis=1, return_inverse=True)[1].ravel()
+        s = sums_of_parts(solved, log, freed, alike[stretch], np.sqrt(drive.w[counted]) * room[stretch])
+        total[np.ix_(columns, columns)] += s.T @ s / 12
     return total
+
+
+def sums_of_parts(
+    solved: Solved, log: int, freed: "Sequence[FreedLog] | None", part: NDArray[np.intp], factor: Array
+) -> Array:
+    """Σ Z times a factor over the rows of each part of a log, (parts, p); Z of its own columns, or `freed` of gains."""
+    setup, at = solved.setup, 0
+    sums = np.zeros((int(part.max()) + 1, len(setup.places[log].columns)))
+    for piece in setup.derivatives(solved.x, log) if freed is None else (freed[log].Z,):
+        rows = slice(at, at + len(piece))
+        first = np.flatnonzero(np.diff(part[rows], prepend=-1))
+        Z = piece[:, : sums.shape[1]] * factor[rows, None]
+        np.add.at(sums, part[rows][first], np.add.reduceat(Z, first))
+        at += len(piece)
+    return sums
 
 
 def spread_by_runs(plain: Spread, solved: Solved, levels: Sequence[Level]) -> Spread:

@@ -338,7 +338,7 @@ def test_rc_stands_beside_a_pi_of_its_own_margins(report_of):
     fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
     gains = gains_of(fit)
     page = report_of(fit, gains)
-    assert "eaid export takes rc and pi to a rig; the other rows run in replays alone" in page.text
+    assert "eaid export knows rc and pi; the other rows run in replays alone" in page.text
     _heads, *rows = page.numbers["Controllers"]
     for row, name in zip(rows, ("rc", "equal_pi_feedforward", "equal_pi", "pi", "paper_pi"), strict=True):
         one = gains["replayed"][name]

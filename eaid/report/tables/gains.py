@@ -149,7 +149,7 @@ def controllers_table(gains: Gains) -> Table:
         on += f", from {errors.counted_from_s:.3g} s on"
     names = [*(errors.rows if errors is not None else gains.controllers_by_name)]
     code = [name for name in names if name in LAWS]
-    alone = f"eaid export takes {enumerated(code)} to a rig; the other rows run in replays alone."
+    alone = f"eaid export knows {enumerated(code)}; the other rows run in replays alone."
     said = ("Margins: the least over the held inputs.", comparison(gains), alone if 0 < len(code) < len(names) else "")
     rows: list[tuple[str, str, tuple[Cell, Cell], Cell]] = []
     for name, one in (errors.rows if errors is not None else {}).items():
