@@ -12,6 +12,7 @@ from eaid.estimate.recorded_log import RecordedLog
 from eaid.findings import Finding, finding
 from eaid.options import FitOptions
 from eaid.plant.drive import fall_alone
+from eaid.steps.noise import sample_noise
 from eaid.steps.stepset import Level, StepSet
 
 WIDEST_LEVEL = 10.0  # Of inputs that are one level the last is not further from the first than this many such parts
@@ -147,6 +148,11 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
                 f"{where}: its output takes {FEW_VALUES} values or fewer while its input moves all the time, as if "
                 "they were swapped; name both with «columns» input=NAME,output=NAME"
             )
+        elif log.stepwise and (values := values_below_inputs(log)):
+            faults.append(
+                f"{where}: its output takes only {values} values at more inputs than that: too coarse to tell gains or "
+                "time constants; use a finer range of the sensor"
+            )
     follow = [follows(log) for log in logs] if not faults else []
     if len(follow) > 1 and min(map(abs, follow)) > FOLLOWS_SURELY and min(follow) < 0 < max(follow):
         most = 1 if sum(r > 0 for r in follow) * 2 >= len(follow) else -1
@@ -163,6 +169,15 @@ def refuse(logs: Sequence[RecordedLog]) -> None:
         )
     if faults:
         raise DataError(*faults)
+
+
+def values_below_inputs(log: RecordedLog) -> int:
+    """How many values an output takes that are fewer than the held inputs; 0 where they are not, or its rows differ."""
+    y = log.output[np.isfinite(log.output)]
+    if sample_noise(y) > 0:
+        return 0
+    values = len(np.unique(y))
+    return values if values < len(np.unique(log.input[log.changes])) else 0
 
 
 def follows(log: RecordedLog) -> float:

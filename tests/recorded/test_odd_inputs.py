@@ -47,6 +47,15 @@ def test_levels_that_are_all_but_alike_are_one():
     assert find_inputs([log(t, u)], None).levels == pytest.approx([20, 60, 100], abs=0.01)
 
 
+def test_an_output_of_fewer_values_than_inputs_is_refused():
+    """Its gain was said to be below 0, "exchanged columns"."""
+    t = np.arange(3000) * 0.02
+    u = np.repeat([0.0, 40.0, 80.0, 40.0, 0.0, 0.0], 500)
+    seen = 2.4 * np.round(respond(LAG, t, u, t) / 2.4)
+    with pytest.raises(eaid.DataError, match="takes only 2 values at more inputs than that: too coarse"):
+        fit_recorded([RecordedLog("log", t, u, seen)], FitOptions(model=("nonlinear",)))
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_sensor_that_is_coarser_than_its_noise_may_lie_anywhere_within_a_step(seed):
     random, count = np.random.default_rng(seed), 0.08
