@@ -259,14 +259,13 @@ def _explained(lines: list[str], marks: Marks) -> tuple[float, int]:
 def _broken_rows(above: list[str], marks: Marks) -> int:
     """How many lines right above the first good row are rows of numbers too, with too many or too few cells."""
     count = 0
-    for line in reversed(above):
+    for at, line in reversed([*enumerate(above)]):
         cells = marks.cells(line, len(line))
         good, filled = marks.count_good(cells)
-        if (
-            not cells
-            or not marks.is_good(cells[0])
-            or good < (filled if marks.delimiter is None else min(2, filled / 2))
-        ):
+        if not cells or not marks.is_good(cells[0]):
+            break
+        torn = '"' in line and _is_words(above[max(at - 1, 0) : at], marks)  # a lone quote joins what follows it
+        if good < (filled if marks.delimiter is None else min(2, filled / 2)) and not torn:
             break
         if len(cells) == 1 and count == len(above) - 1:
             break  # a first line that says how many rows follow

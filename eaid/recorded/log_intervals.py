@@ -36,14 +36,13 @@ from eaid.recorded.engagements import (
 from eaid.recorded.few_rows import BINS
 from eaid.recorded.from_logs import Setup, Solved, idle_found
 from eaid.recorded.late import differ_by_a_row
-from eaid.steps.noise import correlation_s, resolution, sample_noise
+from eaid.steps.noise import correlation_s, left_open
 from eaid.steps.stepset import Level
 
 SMOOTH_PART = 0.25  # Half-width over which the noise's spectrum is smoothed, as a part of its corner frequency …
 LEAST_LEFT = 0.25  # A line keeps at least this part of its power
 SMALL_OUTPUT = 9.0  # An output is small or large beside its mean square over this
 FEWEST_LINES = 8  # … and at least so many lines
-FEWEST_STANDING = 4  # Rows of an output that stands still, its sensor being coarser than its noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -309,15 +308,13 @@ def by_standing(solved: Solved, freed: "Sequence[FreedLog] | None") -> Array:
     setup, total = solved.setup, np.zeros((solved.setup.size, solved.setup.size))
     for log, drive in enumerate(setup.drives):
         y, columns, counted = solved.outputs[log], setup.places[log].columns, drive.w > 0
-        if sample_noise(y) > 0 or not (q := resolution(y)):  # most rows differ, or no step is told
+        room = left_open(y, y + solved.missed[log])
+        if not room.any():
             continue
-        f, stretch = y + solved.missed[log], np.append(0, np.cumsum(np.diff(y) != 0))
-        first = np.flatnonzero(np.diff(stretch, prepend=-1))
-        last = np.append(first[1:], len(y)) - 1
-        room = np.maximum(q - np.abs(f[last] - f[first]), 0.0) * (last - first >= FEWEST_STANDING - 1)
         # the same wherever one input holds it on one count
-        alike = np.unique(np.stack([drive.which[counted][first], y[first]]), axis=1, return_inverse=True)[1].ravel()
-        s = sums_of_parts(solved, log, freed, alike[stretch], np.sqrt(drive.w[counted]) * room[stretch])
+        counts, which = np.unique(y, return_inverse=True)[1], drive.which[counted]
+        alike = np.unique(counts * (which.max() + 1) + which, return_inverse=True)[1]
+        s = sums_of_parts(solved, log, freed, alike, np.sqrt(drive.w[counted]) * room)
         total[np.ix_(columns, columns)] += s.T @ s / 12
     return total
 

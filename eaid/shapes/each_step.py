@@ -5,6 +5,7 @@ and that tail make of each number."""
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TypeAlias
 
 import msgspec
@@ -23,6 +24,7 @@ from eaid.results.common import Interval
 from eaid.results.models import FrictionLevel, LevelIntervals, StepIntervals, StepShape
 from eaid.shapes.curves import average_record, slopes
 from eaid.shapes.shape import SHAPES_SETTLED, fit_step, independent_samples, refine, solve_least
+from eaid.steps.noise import WHOLE, left_open, resolution
 from eaid.steps.stepset import LevelStep, StepSet
 
 LEAST_TAIL = 1e-6  # Part of a step's change below which what it has left is nothing
@@ -57,9 +59,9 @@ def fit_single_steps(stepset: StepSet, options: FitOptions) -> tuple[StepShape, 
             start -= size * mean_before(rest_s, tau)
             moved -= abs(size * mean_before(rest_s / 2, tau) * float(rise(np.array(-rest_s / 2), tau)))
         alone = replace(step, output=output, start=start, rest_moved=max(moved, 0.0)) if tail else step
-        shape = fit_step(alone, options)
+        shape = fit_step(alone, options, step)
         reach = lags_possible(alone, shape, options)
-        shape = add_intervals(alone, shape, options, reach, tail)
+        shape = add_intervals(alone, shape, options, reach, tail, step)
         found[k] = msgspec.structs.replace(shape, tail=tuple((size, tau) for size, tau, _ in tail if size))
         before = k
     return tuple(found[k] for k in range(len(steps)))
@@ -138,10 +140,11 @@ WIDEST_FACTOR = 3.0  # Factor by which an interval of a time constant may reach 
 
 
 def add_intervals(
-    step: LevelStep, shape: StepShape, options: FitOptions, reach: Array, tail: TailTerms = ()
-) -> StepShape:
+    step: LevelStep, shape: StepShape, options: FitOptions, reach: Array, tail: TailTerms = (),
+    recorded: LevelStep | None = None,
+) -> StepShape:  # fmt: skip
     """One fitted step with its intervals, and a finding where some say nothing; two lags may `reach` beside it, and
-    `tail` was taken from its output."""
+    `tail` was taken from its output, which was `recorded` so."""
     if options.ci == "none":
         return shape
     window = float(step.time_s[-1])
@@ -150,10 +153,11 @@ def add_intervals(
     free.append(options.held_dead_time_s is None and shape.dead_time_s > 0)
     names = [name for name, is_free in zip(STEP_NAMES, free, strict=True) if is_free]
     refused = any(one.severity == "stop" for one in shape.findings)
-    error = {} if refused else dict(zip(names, _errors(step, shape, free, options.ci, tail).tolist(), strict=True))
+    errors_of = partial(_errors, step, shape, ci=options.ci, tail=tail, recorded=recorded or step)
+    error = {} if refused else dict(zip(names, errors_of(free).tolist(), strict=True))
     if len(reach) and two and error:  # what τ2 leaves open of both is in its reach
         held = [True, True, False, False, free[4]]
-        error |= zip(names[:2], _errors(step, shape, held, options.ci, tail).tolist(), strict=False)
+        error |= zip(names[:2], errors_of(held).tolist(), strict=False)
     most = {"tau1": math.log(WIDEST_FACTOR), "tau2": math.log(WIDEST_FACTOR), "C": 1.0}
     wide = {name for name, half in error.items() if not half < most.get(name, math.inf)}
     slow_s = shape.tau2 or 0.0
@@ -219,7 +223,9 @@ def numbers_of(shape: StepShape) -> Array:
     return np.array([shape.change, math.log(shape.tau1), math.log(tau2 / shape.tau1), shape.C, shape.dead_time_s])
 
 
-def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, tail: TailTerms) -> Array:
+def _errors(
+    step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, tail: TailTerms, recorded: LevelStep
+) -> Array:
     """Half widths of the 95 % intervals of the free parameters, time constants in logarithms."""
     by = slopes(numbers_of(shape), step.time_s)
     by[:, 1] -= by[:, 2]  # of ln τ1 and ln τ2, in place of ln τ1 and ln τ2/τ1
@@ -245,12 +251,26 @@ def _errors(step: LevelStep, shape: StepShape, free: Sequence[bool], ci: str, ta
     start = per_sample / rested
     # a rest that still moved by more than its noise, 4 start, has as far to go again
     start += max(0.0, step.rest_moved**2 - 4 * start)
+    of_counts, of_start = within_counts(recorded, left, jacobian @ unit)
+    variance, start = variance + of_counts, start + of_start
     halves = t_quantile(degrees) ** 2 * (variance + moved**2 * start)
     for _, tau, half in tail:
         halves = (
             halves + (half * unit @ jacobian.T @ (mean_before(step.rest_s or 0.0, tau) - decay(step.time_s, tau))) ** 2
         )
     return np.asarray(np.sqrt(halves))
+
+
+def within_counts(recorded: LevelStep, left: Array, directions: Array) -> tuple[Array, float]:
+    """Variances by a sensor coarser than its noise: of sums of its errors, alike wherever it stands on one count, times
+    each column, shape (k,), and of the start that it stood at."""
+    y = recorded.output
+    room, counts = left_open(y, y - left), np.unique(y, return_inverse=True)[1]
+    sums = np.zeros((int(counts.max()) + 1, directions.shape[1]))
+    np.add.at(sums, counts, directions * room[:, None])
+    whole = (recorded.start - y[0]) / q if (q := resolution(y)) else 0.5
+    stood = room.any() and abs(whole - round(whole)) < WHOLE
+    return (sums**2).sum(axis=0) / 12, q**2 / 12 * stood
 
 
 def lasting_variance(left: Array, jacobian: Array, directions: Array) -> Array:

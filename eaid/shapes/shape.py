@@ -5,7 +5,7 @@ By AICc with the number of independent samples; the paper's form stands unless a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from eaid.shapes.curves import (
     step_curve,
     step_of,
 )
-from eaid.steps.noise import block_means, block_noise
+from eaid.steps.noise import block_means, block_noise, coarse_step
 from eaid.steps.stepset import LevelStep
 
 BETTER = 10.0  # Difference of AICc from which a shape replaces the paper's: 150 to 1
@@ -71,8 +71,10 @@ class _Candidate:
         return self.shape + ("+dead" if self.dead else "")
 
 
-def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
-    """The shape of one step, with a finding where it explains little; `UsageError`: a dead time beyond its record."""
+def fit_step(step: LevelStep, options: FitOptions | None = None, recorded: LevelStep | None = None) -> StepShape:
+    """The shape of one step, with a finding where it explains little; `UsageError`: a dead time beyond its record.
+
+    `recorded` is the step before the tail of another was taken from it."""
     options = options or FitOptions()
     refuse_longer(options.held_dead_time_s or 0.0, step.name, step.time_s[-1])
     y = step.output - step.start
@@ -84,12 +86,14 @@ def fit_step(step: LevelStep, options: FitOptions | None = None) -> StepShape:
     best = min(tried, key=lambda one: (one.sse, one.unknowns))
     rounding = STEP_ROUNDING * float(y @ y)
     count = independent_samples(y - step_curve(best.p, step.time_s), rounding)
-    scores = {}
-    for one in tried:
+    scores, judged = {}, tried
+    if q := coarse_step((recorded or step).output):
+        judged = [replace(one, sse=beyond_counts(y - step_curve(one.p, step.time_s), q)) for one in tried]
+    for one in judged:
         k = one.unknowns
         aicc = count * math.log(max(one.sse + rounding, 1e-300)) + 2 * k + 2 * k * (k + 1) / max(count - k - 1, 1.0)
         scores[one.name] = aicc
-    chosen = _choose(tried, scores)
+    chosen = _choose(judged, scores)
     every = AveragedRecord(step.time_s, y, np.ones(len(y)))
     p, _ = refine(every, chosen.p, chosen.shape, chosen.free, STEP_SETTLED)
     plain = [one.sse for one in tried if one.shape in ("one", "two") and not one.dead]
@@ -230,6 +234,13 @@ def independent_samples(left: Array, rounding: float = 0.0, fewest: float = 12.0
     blocks = min(50, count // 4)
     spread = float(np.mean(block_means(left, blocks) ** 2)) * count / blocks / (power / count)
     return max(count / max(1.0, (1 + alike) / (1 - alike), spread), fewest)
+
+
+def beyond_counts(left: Array, q: float) -> float:
+    """Sum of squares of residuals beyond half a step q of a sensor coarser than its noise, within which they tell
+    nothing, and of the rounding itself."""
+    beyond = np.maximum(np.abs(left) - q / 2, 0.0)
+    return float(beyond @ beyond + len(left) * q**2 / 12)
 
 
 def is_coloured(left: Array) -> bool:

@@ -98,6 +98,26 @@ def resolution(values: Array) -> float:
     return finest if len(moves) and np.abs(moves / finest - np.round(moves / finest)).max() < WHOLE else 0.0
 
 
+FEWEST_STANDING = 4  # Rows of an output that stands still, its sensor being coarser than its noise
+
+
+def coarse_step(y: Array) -> float:
+    """The step of a sensor that is coarser than its noise; 0 where most rows differ, or no step is told."""
+    return resolution(y) if sample_noise(y) == 0 else 0.0
+
+
+def left_open(y: Array, curve: Array) -> Array:
+    """How far off the values of a sensor coarser than its noise may be, (n,): where they stand on one count c while the
+    curve f through them goes from a to b, f + d lies within c ± q/2, q being a step, d thus in a width of q − |b − a|
+    about c − (a + b)/2. The width of even chances with that mean square about 0; 0 where they do not stand."""
+    q = coarse_step(y)
+    first = np.flatnonzero(np.append(True, np.diff(y) != 0))
+    last = np.append(first[1:], len(y)) - 1
+    a, b = curve[first], curve[last]
+    width, off = np.maximum(q - np.abs(b - a), 0.0), np.clip(y[first] - 0.5 * (a + b), -0.5 * q, 0.5 * q)
+    return np.repeat(np.sqrt(width**2 + 12 * off**2) * (last - first >= FEWEST_STANDING - 1), last - first + 1)
+
+
 def spikes(values: Array, least: float) -> NDArray[np.intp]:
     """Samples that stand out of both neighbours, in one direction, by `SPIKE` of the noise, by `least` and by more than
     a step of the sensor; none where so many do."""

@@ -90,3 +90,21 @@ def test_a_second_lag_that_noise_hides_is_in_the_intervals() -> None:
         assert found.ci95.change is not None
         held += found.ci95.change[0] < 1.0 < found.ci95.change[1]
     assert held >= 18
+
+
+@pytest.mark.parametrize("counts", [26, 100])
+def test_a_sensor_that_is_coarser_than_its_noise_tells_one_lag_within_a_step(counts: int) -> None:
+    """Rounded anywhere, τ1 and the change lie in their intervals, and no second lag is seen in the rounding."""
+    random, inside, wide, kinds = np.random.default_rng(7), [], [], []
+    t = np.arange(1000) / 100
+    for _ in range(8):
+        tau, gain, zero = random.uniform(0.2, 0.5), random.uniform(3.2, 4.8), random.uniform()
+        y = gain * (1 - np.exp(-np.maximum(t - 1.05, 0.0) / tau)) + random.normal(0, 0.1 / counts, len(t))
+        step = eaid.fit(t, np.where(t > 0.995, 50.0, 0.0), np.round(y / 4 * counts + zero) / counts * 4).steps[0]
+        assert step.ci95.tau1 is not None
+        inside += [low <= is_ <= high for (low, high), is_ in ((step.ci95.change, gain), (step.ci95.tau1, tau))]
+        wide.append(half(step.ci95.change) / gain)
+        kinds.append(step.shape)
+    assert sum(inside) >= 15
+    assert np.median(wide) < 1.6 / counts  # a slow part that moves within one count is held in some
+    assert kinds == ["one"] * 8

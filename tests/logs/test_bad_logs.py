@@ -72,6 +72,7 @@ BAD: dict[str, tuple[Any, ...]] = {
     "all-falling.csv": (csv(GOOD[::-1]), "time falls at row 3 (1.98 s after 1.99 s), and 198 more such rows; sort "
                                          "the rows"),
     "cell.csv": (changed(60, "0.58,,0.9"), "row 60, column duty_pct, is empty" + CELL),
+    "lone-quote.csv": (changed(2, '0,:,",0'), "row 2, column duty_pct, holds ':', which is no number" + CELL),
     "word.csv": (changed(60, "0.58,50,high"), "row 60, column torque_nm, holds 'high', which is no number" + CELL),
     "nan.csv": (changed(60, "0.58,50,nan"), "row 60, column torque_nm, holds 'nan', which is not finite" + CELL),
     "short-row.csv": (changed(60, "0.58,50"), "row 60 has 2 cells, unlike the others" + CELL),
