@@ -57,10 +57,8 @@ def quick_cost(log: RecordedLog, inputs: Excited) -> float:
         factor = 1 + apart
         around = ((tau * factor, theta), (tau / factor, theta), (tau, theta * factor), (tau, theta / factor))
         near = min((search.cost(late, lag, np.inf), lag, late) for lag, late in around)
-        if near[0] < least:
-            least, tau, theta = near
-        else:
-            apart /= 2
+        apart = apart if near[0] < (1 - LOWER / 20) * least else apart / 2
+        least, tau, theta = min(near, (least, tau, theta))
     return least
 
 

@@ -110,7 +110,8 @@ def left_open(y: Array, curve: Array) -> Array:
     """How far off the values of a sensor coarser than its noise may be, (n,): where they stand on one count c while the
     curve f through them goes from a to b, f + d lies within c ± q/2, q being a step, d thus in a width of q − |b − a|
     about c − (a + b)/2. The width of even chances with that mean square about 0; 0 where they do not stand."""
-    q = coarse_step(y)
+    if not (q := coarse_step(y)):
+        return np.zeros(len(y))
     first = np.flatnonzero(np.append(True, np.diff(y) != 0))
     last = np.append(first[1:], len(y)) - 1
     a, b = curve[first], curve[last]
