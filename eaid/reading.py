@@ -22,7 +22,7 @@ from eaid.logs.names import agreeing, level_and_repeat, named_like, pattern_gues
 from eaid.logs.read import columns_told, read_like, read_what_can_be
 from eaid.logs.run import Run
 from eaid.logs.to_run import without_switches
-from eaid.logs.units import TIME_FACTORS, may_drive, split_name
+from eaid.logs.units import TIME_FACTORS, may_drive, split_name, unit_of
 from eaid.options import ReadOptions, typed
 from eaid.progress import Progress, no_progress
 from eaid.steps.baseline import baseline_rule
@@ -120,9 +120,10 @@ def _input_left(blind: Sequence[Run], pattern: bool, named: bool, first: Path, o
     """The input among the columns that logs without one have left: the one that moves and drives by its unit; where
     their names tell no level, the only one, or what is guessed of the first log."""
     driving = [one for one in dict.fromkeys(name for run in blind for name in run.left) if drives(blind, one)]
-    lone = {run.left for run in blind if len(run.left) == 1}
+    left = {tuple(one for one in run.left if unit_of(split_name(one)[1]).quantity != "time") for run in blind}
+    lone = [names for names in left if len(names) == 1]
     if len(driving) == 1 or (not named and len(lone) == 1):
-        return {"input": driving[0] if len(driving) == 1 else lone.pop()[0]}
+        return {"input": driving[0] if len(driving) == 1 else lone[0][0]}
     guessed = {} if pattern else _columns_of(first, options)
     return guessed if guessed.keys() & {"input", "position"} else {}  # what is read already tells nothing more
 

@@ -258,8 +258,9 @@ def columns_guessed(table: LogTable, options: ReadOptions) -> dict[str, str]:
     rising = [i for i in numbers if rises(numbers[i])]
     if "time" not in known and rising:
         found["time"] = min(rising, key=lambda i: bool((np.diff(numbers[i]) == 1).all()))  # what counts rows last
-    # neither: beside a known time, what counts rows; what has the name of an input or a reference
+    # neither: beside a known time, what counts rows; another time; what has the name of an input or a reference
     out = {i for i in rising if "time" in found or np.ptp(np.diff(numbers[i])) == 0}
+    out |= {i for i in numbers if _quantity_of(table, i) == "time"}
     out |= {i for i in numbers if words_of(split_name(names[i])[0]) & _REFERENCE}
     out |= {i for group in INPUT_GROUPS["clutch"] for i in _alike(names, group.names, set())}
     moved = {i for i in numbers if words_of(split_name(names[i])[0]) & MOTION or _quantity_of(table, i) == "speed"}

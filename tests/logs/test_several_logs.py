@@ -265,6 +265,7 @@ UNNAMED = {  # one log each: its columns, what is said already, and what is then
         "--columns time=1,input=3,output=4"),
     "no names, a row index": (None, (np.arange(len(T)), T, STEP, SPEED), "", "--columns time=2,input=3,output=4"),
     "no names, no time": (None, (STEP, 20 + SPEED), "", None),  # nobody else knows the rate
+    "a second time that steps": ("Time,Lap (s),Speed,Heat", (T, STEP, SPEED, 0.4 * SPEED), "", None),
     "a reference, no input": ("Time,Commanded Pos,Control Effort", (T, SPEED, SPEED), "", None),
 }  # fmt: skip
 
