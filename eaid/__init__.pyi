@@ -123,7 +123,7 @@ def export(
     *,
     force: bool = False,
     target: Literal["c", "arduino", "matlab", "fmu", "yaml"] = "c",
-    law: Sequence[str] | Literal["pi", "rc", "inverse", "plant"] | None = None,
+    law: Sequence[str] | Literal["pi", "rc", "pi-feedforward", "inverse", "plant"] | None = None,
     precision: Literal["double", "single"] = "double",
     rate_hz: float | None = None,
     duty_on_fault: float = 0.0,

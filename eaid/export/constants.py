@@ -8,7 +8,7 @@ rate      r ← m r + (1 − m)/dt (x − x before),  m = e^(−2π f dt)
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -17,6 +17,7 @@ import numpy as np
 
 from eaid.control.kinds import Law
 from eaid.control.pi import PIGains
+from eaid.control.pi_feedforward import PIFeedforwardGains
 from eaid.control.rc import RCGains
 from eaid.errors import UsageError
 from eaid.logs.units import UNKNOWN
@@ -165,6 +166,28 @@ def pi_constants(gains: PIGains, rig: RigInfo) -> Entries:
     )
 
 
+def pi_feedforward_constants(gains: PIFeedforwardGains, rig: RigInfo) -> Entries:
+    """Constants of the PI with the robust controller's feedforward."""
+    g, i, o = gains, rig.input, rig.output
+    return (
+        Entry("K_P", g.K_P, i + rig.per(o), "proportional gain"),
+        Entry("K_I", g.K_I, f"{i}/({o}·s)", "integral gain"),
+        Entry("B_hat", g.B_hat, f"{i}·s{rig.per(o)}", "B̂, Eq. (11)"),
+        *model_constants(gains, rig),
+        *rig.limits(g.duty_min, g.duty_max),
+    )
+
+
+def model_constants(gains: PIFeedforwardGains | RCGains, rig: RigInfo) -> Entries:
+    """Constants of the linear model that feeds forward, Eq. (8)."""
+    i, o = rig.input, rig.output
+    return (
+        Entry("a0", gains.a0, "1/s", "linear model, Eq. (8)"),
+        Entry("b0", gains.b0, f"{o}/(s·{i})", "linear model"),
+        Entry("c0", gains.c0, f"{o}/s", "linear model"),
+    )
+
+
 def rc_constants(gains: RCGains, rig: RigInfo) -> Entries:
     """Constants of the robust controller."""
     g, i, o = gains, rig.input, rig.output
@@ -172,9 +195,7 @@ def rc_constants(gains: RCGains, rig: RigInfo) -> Entries:
         Entry("K_P", g.K_P, "1/s²", "Eq. (12)"),
         Entry("K_D", g.K_D, "1/s", "Eq. (12)"),
         Entry("B_hat", g.B_hat, f"{i}·s{rig.per(o)}", "B̂, Eq. (11)"),
-        Entry("a0", g.a0, "1/s", "linear model, Eq. (8)"),
-        Entry("b0", g.b0, f"{o}/(s·{i})", "linear model"),
-        Entry("c0", g.c0, f"{o}/s", "linear model"),
+        *model_constants(gains, rig),
         Entry("rho_constant", g.rho_constant, f"{o}/s", "ρ at ξ = 0, Eq. (15)"),
         Entry("rho_slope", g.rho_slope, "1/s", "dρ/d‖ξ‖"),
         Entry("epsilon", g.epsilon, "", "half width of the boundary layer, in units of z"),
@@ -273,14 +294,22 @@ def rate_constants(rig: RigInfo) -> Entries:
     return Entry("memory", memory), Entry("gain", (1.0 - memory) / rig.dt_s, "1/s")
 
 
+# Law of a file of gains → its constants
+CONSTANTS: dict[str, Callable[[Any, RigInfo], Entries]] = {
+    "pi": pi_constants, "rc": rc_constants, "pi-feedforward": pi_feedforward_constants,
+}  # fmt: skip
+
+
+def name_in_code(law: str) -> str:
+    """A law as identifiers have it."""
+    return law.replace("-", "_")
+
+
 def constants_of(
     loops: Mapping[str, Law], plant: Plant | None, limits: tuple[float, float], laws: tuple[str, ...], rig: RigInfo
 ) -> dict[str, Entries]:
     """Constants of each law, and of the rate's filter, in the target's precision; UsageError where one is too large."""
-    made = {
-        name: pi_constants(law, rig) if isinstance(law, PIGains) else rc_constants(law, rig)
-        for name, law in sorted(loops.items()) if name in laws and isinstance(law, PIGains | RCGains)
-    }  # fmt: skip
+    made = {name_in_code(name): CONSTANTS[name](law, rig) for name, law in loops.items() if name in laws}
     if plant is not None:
         if "inverse" in laws:
             made["inverse"] = inverse_constants(plant, limits, rig)

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from eaid.control.defaults import counted_from_rest
 from eaid.control.gains import plant_of
+from eaid.control.kinds import LAW_KINDS
 from eaid.control.margins import margins, operating_points, points_of
 from eaid.errors import EaidError, GainsError
-from eaid.export.constants import constants_of
+from eaid.export.constants import CONSTANTS, constants_of, name_in_code
 from eaid.export.job import Job, Origin, head_of, laws_of, rig_for, source_of, vectors
 from eaid.export.targets import MADE_BY, TARGETS, VECTOR_COLUMNS
 from eaid.files import folder_written_whole, refuse_folder, sha256_of
@@ -35,11 +36,12 @@ def offered(gains: Gains, fit: Fit) -> tuple[str, ...] | None:
         return ()
     plain = ExportOptions()
     short = {one.subject for one in gains.findings if one.code == "margin-missed"}
+    short |= {name for name in CONSTANTS if LAW_KINDS[name].design is not None and "rc" in short}  # of its slopes
     laws = tuple(
         law for law in source.laws
         if law not in short and not stops(_warnings(source, (law,), source.made_for.rate_hz, plain))
     )  # fmt: skip
-    return () if not {"pi", "rc"} & set(laws) else None if laws == source.laws else laws
+    return () if CONSTANTS.keys().isdisjoint(laws) else None if laws == source.laws else laws
 
 
 def _warnings(source: Origin, laws: tuple[str, ...], rate_hz: float, options: ExportOptions) -> Iterator[Finding]:
@@ -56,7 +58,7 @@ def _warnings(source: Origin, laws: tuple[str, ...], rate_hz: float, options: Ex
     if source.fit is not None and source.fit.turned:
         idle = 0.0 if source.plant is None else source.plant.idle
         yield finding("export-sign-turned", "torque", idle=idle, unit=source.units[1])
-    if {"pi", "rc"} & set(laws) and source.gains is not None:
+    if not CONSTANTS.keys().isdisjoint(laws) and source.gains is not None:
         yield from _gains_of_laws(source, source.gains, laws, rate_hz)
     if {"inverse", "plant"} & set(laws):
         subject = "plant" if "plant" in laws else "inverse"
@@ -158,7 +160,7 @@ def export(
         findings = (finding("export-anyway", "export"), *findings)
     limits = source.limits if set(laws) - {"plant"} else (0.0, source.plant.u_range[1] if source.plant else 0.0)
     job = Job(
-        rig, laws, constants, tuple(vectors(constants, source.top, rig)),
+        rig, tuple(map(name_in_code, laws)), constants, tuple(vectors(constants, source.top, rig)),
         head_of(source, laws, rig, findings, command, inputs), options.target, folder.resolve().name,
         source.top, limits,
     )  # fmt: skip

@@ -10,7 +10,17 @@ from eaid.control.gains import law_of, plant_of, refuse_other_units
 from eaid.control.kinds import Law
 from eaid.errors import UsageError, in_python
 from eaid.export import reference
-from eaid.export.constants import SERIES, Entries, RigInfo, decimal, in_comment, namespace, rounded, unit_name
+from eaid.export.constants import (
+    CONSTANTS,
+    SERIES,
+    Entries,
+    RigInfo,
+    decimal,
+    in_comment,
+    namespace,
+    rounded,
+    unit_name,
+)
 from eaid.findings import Finding, finding, say
 from eaid.options import LAWS, ExportOptions
 from eaid.plant.dynamics import Plant, plant_numbers, plant_terms
@@ -26,8 +36,8 @@ GO_ON, RESET, BUMPLESS = 0, 1, 2  # What comes before a row's step: nothing, a r
 CASE_ROWS = 60  # Rows of the longest case
 TONES_HZ = (0.2, 0.5, 1.0, 2.0, 4.0)  # Of the multisine
 REFERENCES: dict[str, Any] = {
-    "pi": reference.PI, "rc": reference.RC, "inverse": reference.Inverse, "plant": reference.Plant,
-    "rate": reference.Rate,
+    "pi": reference.PI, "rc": reference.RC, "pi_feedforward": reference.PIFeedforward,
+    "inverse": reference.Inverse, "plant": reference.Plant, "rate": reference.Rate,
 }  # fmt: skip
 OF_ONE = ("plant", "rate")  # Whose step takes one number
 Check = tuple[str, int, float, float, float, float]  # Case, what comes before, and the numbers of a `Vector`
@@ -78,7 +88,7 @@ def source_of(gains: Gains | None, fit: Fit | None) -> Origin:
     if gains is not None:
         timing = gains.margins.timing if gains.margins else Timing()
         units = gains.input_unit, gains.output_unit
-        loops = {name: law for name in gains.laws if (law := law_of(gains, name)) is not None}
+        loops = {name: law for name in CONSTANTS if (law := law_of(gains, name)) is not None}
         return Origin(gains, fit, loops, plant, gains.duty_limits_pct, units, timing)
     if fit is None:
         raise UsageError("nothing to export: give gains, or a fit with a nonlinear model")
@@ -189,7 +199,7 @@ def laws_of(source: Origin, options: ExportOptions) -> tuple[str, ...]:
         if source.gains is not None and law in source.gains.refused:
             raise UsageError(f"«law» {law}: {source.gains.refused[law]}")
         if law not in source.laws:
-            need = "gains.json of eaid tune-rc" if law in ("pi", "rc") else "fit.json with a nonlinear model, «fit»"
+            need = "gains.json of eaid tune-rc" if law in CONSTANTS else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")
     if options.duty_on_fault and set(wanted) == {"plant"}:
         raise UsageError("«duty_on_fault»: is of a controller, and the plant alone is exported; leave it out")

@@ -67,6 +67,7 @@ def context(job: Job) -> Mapping[str, object]:
         "head": list(job.head),
         "laws": {name: job.constants[name] for name in names},
         "names": names,
+        "integrals": [name for name in names if name not in ("inverse", "plant")],
         "controllers": [name for name in names if name != "plant"],
         "series": series,
         "rate": rate,
@@ -75,7 +76,7 @@ def context(job: Job) -> Mapping[str, object]:
         "single": single,
         "timing": {name: rounded(getattr(rig, name), rig.precision) for name in ("dt_s", "duty_on_fault")},
         "dt_text": decimal(rig.dt_s),
-        "law": next((name for name in ("rc", "pi", "inverse") if name in names), "plant"),
+        "law": next((name for name in ("rc", "pi", "pi_feedforward", "inverse") if name in names), "plant"),
         "log_header": log_header(rig.input, rig.output),
     }  # fmt: skip
 

@@ -81,7 +81,7 @@ TABLE = r"""
 3 | export plan.json | plan.json: is neither gains.json nor fit.json; give what eaid tune-rc or eaid fit wrote
 3 | export force.json | force.json: holds no plant; fit clutch logs with a nonlinear model, or logs as recorded
 2 | export gains.json gains.json | gains.json: a second gains.json; give one gains.json and one fit.json at most
-2 | export gains.json --law pid | --law pid: must be one of pi, rc, inverse, plant; did you mean pi?
+2 | export gains.json --law pid | --law pid: must be one of pi, rc, pi-feedforward, inverse, plant; did you mean pi?
 2 | export gains.json -o no/where | no/where: the folder …
 2 | export gains.json -o logs --force | logs: holds log.csv, which eaid export did not make; give another --output
 2 | couple fit.json --limb-damping 0 | --limb-damping 0: give a number above 0, …

@@ -18,12 +18,19 @@ from eaid.export import reference as plain_python
 from .. import conftest as shared
 
 DT = 1e-3
-LAWS = ("pi", "rc", "inverse")
+LAWS = ("pi", "rc", "pi-feedforward", "inverse")
+FED = {"K_P": 30.0, "K_I": 60.0, "B_hat": 7.0}
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
 STRICT = ["-std=c99", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-pedantic"]
-PAPER = {**shared.GAINS, "rc": {**shared.GAINS["rc"], "guaranteed": True, "phi_holds": True}}
+PAPER = {**shared.GAINS, "rc": {**shared.GAINS["rc"], "guaranteed": True, "phi_holds": True},
+         "controllers": {"pi-feedforward": FED}}  # fmt: skip
 PLANT = {"schema": "eaid/fit/2", "nonlinear": shared.PLANT, "release": {"tau1": 0.3, "tau2": 5.0}}
 """With release constants, so that every line of the plant is used."""
+
+
+def in_code(law: str) -> str:
+    """A law as the exported code calls it."""
+    return law.replace("-", "_")
 
 
 def merged(plain: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
@@ -106,7 +113,7 @@ class Laws:
     number: type
 
     def init(self, name: str) -> Any:
-        return {"pi": self.law.PI, "rc": self.law.RC, "inverse": self.law.Inverse}[name](self.constants[name])
+        return job.REFERENCES[in_code(name)](self.constants[in_code(name)])
 
     def closed_loop(self, run: Replayed, plant: Any = None) -> Iterator[tuple[Any, Any]]:
         """Duty and torque, sample by sample, on a replay's reference."""
@@ -152,5 +159,5 @@ def compiled(folder: Path, compiler: str = "", *flags: str) -> Path:
 def logged(command: list[Any], run: Replayed) -> np.ndarray:
     """Columns time, duty, torque, reference of an exported program in closed loop on a replay's reference."""
     lines = "\n".join(f"{reference!r} {rate!r}" for reference, rate in zip(run.reference, run.rate, strict=True))
-    done = ran(*command, "log", run.law, "-", cwd=Path.cwd(), input=lines)
+    done = ran(*command, "log", in_code(run.law), "-", cwd=Path.cwd(), input=lines)
     return np.array([[float(cell) for cell in line.split(",")] for line in done.stdout.splitlines()[1:]])

@@ -9,7 +9,7 @@ import pytest
 
 import eaid
 
-from .conftest import COMPILERS, LAWS, PAPER, PLANT, STRICT, compiled, fit_of, gains_of, logged, ran
+from .conftest import COMPILERS, LAWS, PAPER, PLANT, STRICT, compiled, fit_of, gains_of, in_code, logged, ran
 
 WAYS = [(compiler, level) for compiler in COMPILERS for level in ("-O0", "-O2")]
 NO_CPP = pytest.mark.skipif(not shutil.which("g++"), reason="no C++ compiler")
@@ -33,7 +33,7 @@ def rows_of(folder, *way):
 @pytest.mark.parametrize("way", WAYS)
 def test_every_row_of_the_vectors_comes_back_to_the_bit(exported, way, precision):
     rows = rows_of(exported("c", precision), *way)
-    assert {name for name, _, _ in rows} == {*LAWS, "plant", "rate"}
+    assert {name for name, _, _ in rows} == {*map(in_code, LAWS), "plant", "rate"}
     assert all(int(count) == int(exact) > 50 for _, count, exact in rows)
 
 
@@ -43,10 +43,10 @@ def test_so_does_every_row_of_other_gains_within_narrower_limits(tmp_path, preci
     made = eaid.export(gains, tmp_path / "c", fit_of(release=None), precision=precision, anyway=True)
     assert "export-fault-outside" in [one.code for one in made.findings]
     rows = rows_of(tmp_path / "c")
-    assert len(rows) == 5 and all(count == exact for _, count, exact in rows)
+    assert len(rows) == 6 and all(count == exact for _, count, exact in rows)
     rows = [line.split(",") for line in (tmp_path / "c" / "vectors.csv").read_text().splitlines()]
     for law in LAWS:
-        given = [float(row[7]) for row in rows if row[:2] == [law, "saturation"]]
+        given = [float(row[7]) for row in rows if row[:2] == [in_code(law), "saturation"]]
         assert (min(given), max(given)) == (5.0, 95.0)
 
 
@@ -123,7 +123,7 @@ def test_the_sketch_compiles_against_a_board_that_has_its_functions(exported, la
 @pytest.mark.parametrize("law", LAWS)
 def test_a_log_of_the_exported_code_is_read_back_without_options(exported, tmp_path, law, monkeypatch, run_eaid):
     monkeypatch.chdir(tmp_path)
-    log = ran(compiled(exported("c")), "log", law, cwd=tmp_path).stdout
+    log = ran(compiled(exported("c")), "log", in_code(law), cwd=tmp_path).stdout
     assert log.startswith("time_s,duty_pct,torque_nm,reference_nm\n0,")
     for name, text in (("rig.csv", log), ("fit.json", json.dumps(PLANT)), ("gains.json", json.dumps(PAPER))):
         (tmp_path / name).write_text(text)
@@ -169,7 +169,7 @@ int main(void)
 @pytest.mark.parametrize("law", LAWS)
 def test_a_wrong_rate_is_met_as_the_readme_says(exported, tmp_path, law, precision):
     state = "eaid_inverse_state" if law == "inverse" else "eaid_integral_state"
-    (tmp_path / "faults.c").write_text(FAULTS % {"law": law, "state": state})
+    (tmp_path / "faults.c").write_text(FAULTS % {"law": in_code(law), "state": state})
     folder = exported("c", precision)
     made = ran(COMPILERS[0], f"-I{folder}", "faults.c", folder / "eaid_control.c", "-o", "faults", "-lm", cwd=tmp_path)
     assert made.returncode == 0

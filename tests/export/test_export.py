@@ -30,7 +30,7 @@ def codes(made):
 
 def test_gains_and_fit_give_all_laws_in_one_folder(tmp_path):
     made = eaid.export(gains_of(), tmp_path / "rig", fit_of())
-    assert made.laws == ("pi", "rc", "inverse", "plant") and made.dt_s == 1e-3
+    assert made.laws == ("pi", "rc", "pi-feedforward", "inverse", "plant") and made.dt_s == 1e-3
     assert sorted(path.name for path in (tmp_path / "rig").iterdir()) == sorted(made.files)
     assert codes(made) == ["export-guarantee-holds"]
     assert (tmp_path / "rig" / "eaid_control.h").read_text().count("digest ") == 2
@@ -81,7 +81,7 @@ def test_every_file_but_vectors_names_what_it_is_made_of_and_no_name_or_unit_bre
         for part in ("made by eaid", "int x;", "sha256 ", "by eaid export", "sample time 0.001 s", "RC 12.5 dB"):
             assert part in text, name
     if target in ("c", "arduino"):
-        assert ran(compiled(rig), cwd=rig).returncode == 0 and ran("make", cwd=rig).stdout.count(": ok") == 5
+        assert ran(compiled(rig), cwd=rig).returncode == 0 and ran("make", cwd=rig).stdout.count(": ok") == 6
     elif target == "yaml":
         assert yaml.safe_load((rig / "parameters.yaml").read_text())
     elif target == "fmu":

@@ -11,14 +11,14 @@ from fmpy.validation import validate_fmu
 
 import eaid
 
-from .conftest import COMPILERS, DT, LAWS, STRICT, fit_of, gains_of, ran
+from .conftest import COMPILERS, DT, LAWS, STRICT, fit_of, gains_of, in_code, ran
 
 
 class Unit:
     """One FMU, instantiated by FMPy."""
 
     def __init__(self, folder, law, work):
-        path = folder / f"eaid_{law}.fmu"
+        path = folder / f"eaid_{in_code(law)}.fmu"
         described = fmpy.read_model_description(str(path))
         self.at = {v.name: v.valueReference for v in described.modelVariables}
         self.unit = FMU2Slave(
@@ -57,7 +57,7 @@ def unit(exported, tmp_path):
 @pytest.mark.parametrize("precision", ["double", "single"])
 @pytest.mark.parametrize("law", [*LAWS, "plant"])
 def test_fmpy_finds_nothing_wrong(exported, law, precision):
-    path = exported("fmu", precision) / f"eaid_{law}.fmu"
+    path = exported("fmu", precision) / f"eaid_{in_code(law)}.fmu"
     assert validate_fmu(str(path)) == []
     described = fmpy.read_model_description(str(path))
     assert float(described.defaultExperiment.stepSize) == DT
@@ -113,7 +113,7 @@ def test_reset_begins_anew_and_the_slope_can_be_made_inside(unit):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", [*LAWS, "plant"])
+@pytest.mark.parametrize("law", [*map(in_code, LAWS), "plant"])
 def test_the_wrapper_is_clean_and_its_sources_make_an_fmu_of_their_own(exported, tmp_path, law):
     with zipfile.ZipFile(exported("fmu") / f"eaid_{law}.fmu") as file:
         file.extractall(tmp_path)

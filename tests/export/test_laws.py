@@ -31,7 +31,7 @@ SOFT = {"gamma": 2.0, "epsilon": 0.4}
 @pytest.mark.parametrize(
     ("law", "changes"),
     [("pi", {}), ("pi", {"duty_limits_pct": [5.0, 95.0]}), ("rc", {}),
-     ("rc", {"rc": SOFT, "duty_limits_pct": [5.0, 95.0]}), ("inverse", {})],
+     ("rc", {"rc": SOFT, "duty_limits_pct": [5.0, 95.0]}), ("pi-feedforward", {}), ("inverse", {})],
 )  # fmt: skip
 def test_the_laws_are_the_replays(tmp_path, law, changes):
     """On a reference that meets both limits."""
@@ -82,7 +82,7 @@ def test_the_limits_are_told_and_the_law_goes_on(strict, name):
         assert control.step(wanted, 0.0, torque) == duty and control.status == bit
 
 
-@pytest.mark.parametrize("name", ["pi", "rc"])
+@pytest.mark.parametrize("name", ["pi", "rc", "pi-feedforward"])
 @pytest.mark.parametrize("duty", [0.0, 12.5, 60.0, 99.0])
 @pytest.mark.parametrize(("reference", "torque"), [(1.0, 1.0), (1.0, 0.97), (0.2, 0.3)])
 def test_a_takeover_has_no_bump(laws, name, duty, reference, torque):

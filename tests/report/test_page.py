@@ -338,7 +338,7 @@ def test_rc_stands_beside_a_pi_of_its_own_margins(report_of):
     fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}
     gains = gains_of(fit)
     page = report_of(fit, gains)
-    assert "eaid export knows rc and pi; the other rows run in replays alone" in page.text
+    assert "eaid export knows rc, pi-feedforward and pi; the other rows run in replays alone" in page.text
     _heads, *rows = page.numbers["Controllers"]
     for row, name in zip(rows, ("rc", "equal_pi_feedforward", "equal_pi", "pi", "paper_pi"), strict=True):
         one = gains["replayed"][name]
@@ -370,7 +370,9 @@ def test_what_no_command_mends_is_said_in_its_place(report_of, tmp_path):
         assert [line.split()[1:4] for line in mended] == wanted
 
 
-@pytest.mark.parametrize(("short", "laws"), [("", None), ("rc", "pi,inverse,plant"), ("pi", "rc,inverse,plant")])
+@pytest.mark.parametrize(
+    ("short", "laws"), [("", None), ("rc", "pi,inverse,plant"), ("pi", "rc,pi-feedforward,inverse,plant")]
+)
 def test_gains_short_of_margin_are_not_sent_to_the_rig(short, laws, report_of):
     """None at all where neither controller has 6 dB and 45°."""
     fit = {"schema": "eaid/fit/2", "converged": True, "linear": LINEAR, "nonlinear": PLANT}

@@ -14,10 +14,10 @@ def _say_margin(v: Values) -> str:
 
 def _margins(v: Values) -> str:
     told = []
-    for law in ("rc", "pi"):
+    for law, name in (("rc", "RC"), ("pi", "PI"), ("pi-feedforward", "PI with feedforward")):
         units = (("gain_db", "dB"), ("phase_deg", "° of phase"))
         parts = [f"{v[f'{law}_{key}']:.3g} {unit}" for key, unit in units if v.get(f"{law}_{key}") is not None]
-        told += [f"{law.upper()} {', '.join(parts)}"] if parts else []
+        told += [f"{name} {', '.join(parts)}"] if parts else []
     return f"least margins around the held inputs: {'; '.join(told)}"
 
 

@@ -148,7 +148,7 @@ def controllers_table(gains: Gains) -> Table:
     if errors is not None and errors.reference != "multisine" and errors.counted_from_s:
         on += f", from {errors.counted_from_s:.3g} s on"
     names = [*(errors.rows if errors is not None else gains.controllers_by_name)]
-    code = [name for name in names if name in LAWS]
+    code = [law for name in names if (law := "pi-feedforward" if name == "equal_pi_feedforward" else name) in LAWS]
     alone = f"eaid export knows {enumerated(code)}; the other rows run in replays alone."
     said = ("Margins: the least over the held inputs.", comparison(gains), alone if 0 < len(code) < len(names) else "")
     rows: list[tuple[str, str, tuple[Cell, Cell], Cell]] = []
