@@ -103,16 +103,8 @@ def block_sizes(n: int, longest: int = LONGEST_BLOCK, few: bool = False) -> NDAr
 
 @lru_cache(maxsize=256)  # the projections of long blocks take a megabyte each
 def gauss(n: int) -> tuple[Array, Array, Array]:
-    """Nodes and weights of n equal steps, and the projection to ŷ: of Gram's polynomials, whose recurrence is known."""
-    k = np.arange(1, POINTS_PER_BLOCK)
-    x, beside = np.arange(n) - 0.5 * (n - 1), 0.5 * k * np.sqrt((n * n - k * k) / (4 * k * k - 1))
-    nodes, vectors = np.linalg.eigh(np.diag(beside, 1) + np.diag(beside, -1))
-    basis = np.full((POINTS_PER_BLOCK, n), 1 / np.sqrt(n))
-    basis[1] *= x / beside[0]
-    for i in range(1, POINTS_PER_BLOCK - 1):
-        basis[i + 1] = (x * basis[i] - beside[i - 1] * basis[i - 1]) / beside[i]
-    root = np.sqrt(n) * vectors[0]
-    return 0.5 * (n - 1) + nodes, root**2, basis.T @ (vectors / root)
+    """Nodes and weights of n equal steps, and the projection to ŷ."""
+    return gauss_nodes(np.arange(float(n)))
 
 
 def nodes_of(
