@@ -73,7 +73,7 @@ def plan_shown(plan: Plan | Excitation) -> Iterator[Table]:
     yield table_of(
         "Half-widths",
         f"Of the 95 % intervals at the worst level; kept: by {kept} simulated recordings. They are of one mounting; of "
-        " the next one fits of three sessions and more tell (eaid sessions)",
+        "the next one fits of three sessions and more tell (eaid sessions)",
         plan.half_width_pct.items(),
         ("parameter", lambda of: of[0]), (("wanted", "%", 3), lambda of: plan.wanted.get(of[0])),
         (("predicted", "%", 3), lambda of: of[1]), (("kept", "%", 3), lambda of: measured.get(of[0])),
