@@ -203,6 +203,12 @@ def laws_of(source: Origin, options: ExportOptions) -> tuple[str, ...]:
             raise UsageError(f"«law» {law} needs what was not given: {need}")
     if options.duty_on_fault and set(wanted) == {"plant"}:
         raise UsageError("«duty_on_fault»: is of a controller, and the plant alone is exported; leave it out")
+    (low, high), given = source.limits, options.duty_on_fault
+    if given and not low <= given <= high:
+        raise UsageError(
+            f"«duty_on_fault» {given:g}: every fault would give it, and the actuator has {low:g} to {high:g} "
+            f"{source.units[0]}; give one of these"
+        )
     return tuple(law for law in LAWS if law in wanted)
 
 

@@ -415,10 +415,11 @@ class Estimate:
     def _reached(self, u: Array, way: Array, reach: float, scatter: LevelScatter | None) -> Array | None:
         """ln T_s, ln τ1, ln τ2 where τ2 is moved along a way of the coefficients until the runs reject it."""
         limits = self.solved.steps.limits
+        least = np.minimum(limits.b, limits.A @ self.solved.x) - 1e-9  # the estimate itself is within, and rounds
 
         def at(factor: float) -> tuple[Array, float] | None:
             x = self.solved.x + np.expm1(factor * reach) * way[self.Ts_terms :]
-            if not np.isfinite(x).all() or (limits.A @ x < limits.b - 1e-9).any():
+            if not np.isfinite(x).all() or (limits.A @ x < least).any():
                 return None
             there = self.solved.steps.at(x)
             c = np.append(self.curve.coefficients + self.curve.gains @ (there.theta[0] - self.solved.at.theta[0]), x)

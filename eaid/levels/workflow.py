@@ -58,6 +58,7 @@ LARGEST_NUMBER = 1e60  # Largest size of a number that a result may hold; its cu
 # Findings that no creep leaves behind it
 WRONG_FORM = ("taus-meet", "output-decays-under-hold", "repeats-miss-alike", "polynomials-too-low")
 NO_STEP_CODES = ("output-stays-at-rest", "curve-explains-little")  # What no step response explains
+UNSEEN_ROWS = 3.0  # Rows within which a fast part is over that no one sees for a lag
 LARGE_TAIL = 0.2  # Part of its level's output, from which on a tail puts a run off the others
 
 
@@ -246,12 +247,24 @@ def _fit_beside(
         wrong -= codes & {"polynomials-too-low"}
     if creep is not None and wrong:
         return so_far  # it is of the form that is wrong, as that of a plant which rings
+    if free and result.nonlinear is not None and (unseen := _fast_part_unseen(result, stepset)):
+        stepset, result = so_far
+        return stepset, msgspec.structs.replace(result, findings=(*result.findings, unseen))
     if free and result.nonlinear is not None:
         C, known = result.nonlinear.C, result.nonlinear.ci95
         low, high = (known and known.C) or (C, C)
         told.append(finding("share-by-evidence", "nonlinear", held=SHARE, C=C, low=low, high=high))
     told += [one for one in result.findings if one.code != "share-free"]
     return stepset, msgspec.structs.replace(result, findings=tuple(told))
+
+
+def _fast_part_unseen(free: Fit, stepset: StepSet) -> Finding | None:
+    """Said where the fast part of a C that was set free is over within `UNSEEN_ROWS`: an input noted late looks so."""
+    fast_s = max(row.tau1 for row in free.friction_levels)
+    row_s = median([float(one.time_s[-1]) / (len(one.time_s) - 1) for one in stepset.levels])
+    if free.nonlinear is None or fast_s > UNSEEN_ROWS * row_s:
+        return None
+    return finding("fast-part-unseen", "nonlinear", C=free.nonlinear.C, fast_s=fast_s, rows=fast_s / row_s, held=SHARE)
 
 
 def _tell_creep(creep: Creep, data: FittedData, fades: str = "fade-taken-off") -> Finding:

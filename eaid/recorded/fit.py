@@ -263,6 +263,7 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
         raise UsageError("«hold_out»: logs fitted as recorded hold no single levels; or say «logs_as» steps")
     if options.ci not in ("robust", "none"):
         raise UsageError(f"«ci» {options.ci}: logs fitted as recorded take robust or none; or say «logs_as» steps")
+    refuse_mixed_units(stepset)
     rest = float(stepset.reading.get("rest", 0.0))
     logs = [recorded_log(run, rest) for run in stepset.recorded]
     refuse(logs)
@@ -280,6 +281,21 @@ def fit_whole(stepset: StepSet, options: FitOptions) -> Fit:
     known = workflow.keep_quotable(told)
     beyond = [] if known is told else [finding("numbers-beyond-measure", "data")]
     return judged(msgspec.structs.replace(known, findings=ranked((*known.findings, *beyond))))
+
+
+def refuse_mixed_units(stepset: StepSet) -> None:
+    """Refuse logs whose numbers are not of one kind; DataError tells all faults."""
+    faults = []
+    for run in stepset.recorded:
+        pairs = (("input", run.input_unit, stepset.input_unit), ("output", run.output_unit, stepset.output_unit))
+        for what, own, of_others in pairs:
+            if own != of_others:
+                faults.append(
+                    f"{run.where}: its {what} is in {own or 'no unit'}, that of other logs in {of_others or 'none'}; "
+                    f"fit it apart, or say one unit of all with «units» {what}=UNIT"
+                )
+    if faults:
+        raise DataError(*faults)
 
 
 def fit_recorded(

@@ -99,3 +99,15 @@ def test_runs_whose_tau1_differs_bend_their_mean_and_not_the_estimate() -> None:
     each = own_levels(levels, data_of(levels), 0.85).scatter.theta[2] / tau2 - 1
     assert np.abs(plain).min() > 0.002 and np.abs(plain).max() > 0.01
     assert np.abs([found, each]).max() < 0.001
+
+
+def test_ends_are_found_from_an_estimate_that_lies_off_its_limits_by_rounding() -> None:
+    """Once an AssertionError, in 1 of 16 fits of five levels."""
+    short = coverage.one_set(11, coverage.VARIANTS["8s"], samples=600).levels
+    found = estimate_levels_first(short, data_of(short), 0.85)
+    u, steps = np.array([50.0]), found.solved.steps
+    plain = found.intervals(u)
+    limits = steps.limits
+    vars(steps)["limits"] = limits._replace(b=np.maximum(limits.b, limits.A @ found.solved.x + 2e-9))
+    assert np.isinf(plain[1]).sum() < 3  # a test has ends to find
+    assert found.intervals(u)[0].shape == (3, 1)

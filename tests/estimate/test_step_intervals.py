@@ -108,3 +108,11 @@ def test_a_sensor_that_is_coarser_than_its_noise_tells_one_lag_within_a_step(cou
     assert sum(inside) >= 15
     assert np.median(wide) < 1.6 / counts  # a slow part that moves within one count is held in some
     assert kinds == ["one"] * 8
+
+
+def test_an_input_noted_a_row_late_makes_no_fast_lag() -> None:
+    """A lag of 0.5 s whose output moves in the row of its step, 2 % of its rise: once τ1 0.012 s with C = 0.022."""
+    t = np.arange(2000) / 100
+    rise = np.where(t > 1.995, 1 - np.exp(-(t - 1.99) / 0.5), 0.0)
+    fit = eaid.fit(t, np.where(t > 1.995, 60.0, 0.0), 1.44 * rise + np.random.default_rng(0).normal(0, 0.01, 2000))
+    assert fit.plant.C > 0.5 and fit.plant.time_constants(60.0)[0] == pytest.approx(0.5, rel=0.05)

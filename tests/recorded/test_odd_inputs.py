@@ -504,3 +504,16 @@ def test_an_input_that_moves_or_answers_the_output_is_taken_as_it_is():
     slow = np.sin(t / 9) * 0.4  # which no noise is
     for other, output in ((u - 0.05 * y, y), (u + noise + slow, y), (6 + 6 * np.sin(t) + noise, y)):
         assert hold_measured(other, output) is other
+
+
+def test_logs_of_other_units_are_no_further_logs_of_a_rig(tmp_path):
+    """Once a gain of 0.0536 N·m/% in silence, for two logs with 0.05 N·m/% and one with 0.06 N/V."""
+    for name, header, gain in (("a", "time_s,duty_pct,torque_nm", 0.05), ("b", "time (s),input (V),output (N)", 0.06)):
+        u = np.repeat(np.random.default_rng(1).uniform(10, 100, 30).round(), 100)
+        y, t = np.zeros(3000), np.arange(3000) * 0.01
+        for k in range(1, 3000):
+            y[k] = y[k - 1] + 0.02 * (gain * u[k - 1] - y[k - 1])
+        table = np.column_stack([t, u, y + 0.01 * np.random.default_rng(2).standard_normal(3000)])
+        np.savetxt(tmp_path / f"{name}.csv", table, "%.6g", ",", header=header, comments="")
+    with pytest.raises(eaid.DataError, match=r"b\.csv: its input is in V, that of other logs in %; fit it apart, or"):
+        eaid.fit(tmp_path)

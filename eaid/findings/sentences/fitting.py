@@ -237,6 +237,10 @@ ROWS: dict[str, Row] = {
         "the logs reject C = {held:g} and tell C = {C:.3g} ({low:.3g} … {high:.3g}), which the plant now has; a gain "
         "that fades within the holds and a sensor that is slow look so too"
     ),
+    "fast-part-unseen": caution(
+        "the runs ask for C = {C:.2g} with a fast part of {fast_s:.2g} s, {rows:.2g} rows: an input noted late, or "
+        "a sensor that jumps, looks so; C is held at {held:g}; log faster, and note the input when it is switched"
+    ),
     "one-level-linear": caution(
         "one level only: one step cannot tell b0 from c0, only b0 u + c0 is known; record a second level", rank=1
     ),
