@@ -114,17 +114,21 @@ def input_limits(fit: Fit) -> tuple[float, float]:
     return 0.0, highest
 
 
-LEAST_SAMPLES = 20  # Samples in the shortest lag of a slow rig, at least
+LEAST_SAMPLES, FAST_SAMPLES = (
+    20,
+    12,
+)  # Samples in the shortest lag of a slow rig, in the linear model's of a fast one, at least
 QUICK_PWM = 20  # Periods of a PWM in a sample from which its latch adds nothing
 
 
 def control_rate(fit: Fit) -> float:
-    """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's; on a rig slower than the paper's
-    in proportion to its pace, with so many samples in its shortest lag."""
+    """Rate of the controller [Hz] where nothing is said: 1 kHz, whatever the logger's, on a fast rig more, with so many
+    samples in the lag of the linear model; on a rig slower than the paper's in proportion to its pace, with so many
+    in its shortest lag."""
     held = fit.plant_ is not None or fit.nonlinear is not None
     pace, rate = scales_of(fit, fit.plant if held else None).pace, (fit.data.apparatus or Apparatus()).sample_rate_hz
     if pace >= 1:
-        return rate
+        return max(rate, float(f"{FAST_SAMPLES * pace * PAPER_LINEAR.a0:.2g}"))
     least = 0.0
     if held:
         plant = fit.plant

@@ -260,7 +260,7 @@ def _fit_beside(
 
 def _fast_part_unseen(free: Fit, stepset: StepSet) -> Finding | None:
     """Said where the fast part of a C that was set free is over within `UNSEEN_ROWS`: an input noted late looks so."""
-    fast_s = max(row.tau1 for row in free.friction_levels)
+    fast_s = float(free.plant.time_constants(np.array([one.level for one in stepset.levels]))[0].max())
     row_s = median([float(one.time_s[-1]) / (len(one.time_s) - 1) for one in stepset.levels])
     if free.nonlinear is None or fast_s > UNSEEN_ROWS * row_s:
         return None

@@ -75,7 +75,8 @@ def sweep(dt_s: float, duration_s: float | None, top: float, pace: float) -> Ref
     frequencies_hz = [pace * f for f in (0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 2.5, 3.0)]
     if max(frequencies_hz) > 0.25 / dt_s:
         raise UsageError(
-            f"sweep: frequencies must lie above 0 and up to a quarter of the control rate, {0.25 / dt_s:g} Hz"
+            f"sweep: frequencies must lie above 0 and up to a quarter of the control rate, {0.25 / dt_s:g} Hz; give it "
+            "by «rate_hz» to tune-rc"
         )
     pieces, tones, begin = [], [], 0
     for frequency in frequencies_hz:
@@ -214,11 +215,15 @@ def refuse_too_long(said: str, n: int, dt_s: float) -> None:
 SCENARIO_SIGNALS = {"steps": steps, "multisine": multisine, "sweep": sweep}
 
 
+MOST_PACE = 1 / 16  # Over the interval: four samples of the multisine's highest frequency
+
+
 def reference_of(wanted: str | Signal, dt_s: float, scales: Scales, duration_s: float | None = None) -> Reference:
     """A scenario at the rig's own scale, or a signal of the user's own."""
     if not isinstance(wanted, str):
         return sampled(*wanted, dt_s)
-    return SCENARIO_SIGNALS[wanted](dt_s, duration_s, scales.top, scales.pace)
+    pace = min(scales.pace, max(MOST_PACE / dt_s, 1.0))  # a slow controller follows slower ones
+    return SCENARIO_SIGNALS[wanted](dt_s, duration_s, scales.top, pace)
 
 
 def reference_beyond(wanted: Reference, plant: PlantNumbers, subject: str, unit: str) -> list[Finding]:

@@ -79,6 +79,23 @@ def test_a_rig_far_quicker_or_slower_has_its_own_loop_in_the_papers_units_too(sm
         assert enough(gains.margins.worst[name])
 
 
+def test_a_rig_of_a_millisecond_is_sampled_as_quickly_and_says_so():
+    """At 1 kHz its multisine went to 2.9 kHz: 16 samples of an aliased reference told which controller was better."""
+    u = np.repeat(np.random.default_rng(0).uniform(1.0, 10.0, 60), 80)
+    t, y = np.arange(len(u)) * 1e-4, np.zeros(len(u))
+    for k in range(1, len(u)):
+        y[k] = y[k - 1] + (1 - np.exp(-0.1)) * (0.5 * u[k - 1] - y[k - 1])
+    fit = eaid.fit(t, u, y + np.random.default_rng(1).normal(0, 0.005, len(u)))
+    gains, slow = (eaid.tune_rc(fit, rate_hz=hz) for hz in (None, 1000.0))
+    assert gains.margins.timing.rate_hz == pytest.approx(12 * fit.linear.a0, rel=0.05)
+    assert ("control-rate-raised" in codes(gains), "control-rate-raised" in codes(slow)) == (True, False)
+    quick, aliased = (
+        eaid.simulate(fit, one, "multisine").records["rc"].columns["reference_nm"] for one in (gains, slow)
+    )
+    for one in (quick, aliased):
+        assert len(one) > 150 and np.abs(np.diff(one)).max() < 0.7 * np.ptp(one)
+
+
 def test_a_plant_says_how_high_its_output_and_its_input_go(tuned):
     own = {"C": 0.85, "tau1": [0.3, 0, 0], "tau2": [3.0, 0, 0], "Ts": [1.0, 2.0, 0, 0], "u_range": [1.0, 4.0]}
     linear = {"b0": 3.0, "c0": 0.0, "bounds": {"B_m": 0.3, "B_M": 0.4}}

@@ -97,6 +97,10 @@ ROWS: dict[str, Row] = {
         "this one's pace (a0 {pace:.3g} times the paper's) and range (input up to {highest:.4g}); φ is read off the "
         "data, the PI designed for {overshoot_pct:g} % and {settling_s:.3g} s"
     ),
+    "control-rate-raised": caution(
+        "the gains are for a controller of {rate_hz:g} Hz, twelve samples in the rig's lag of {lag_s:.2g} s, where "
+        "{usual_hz:g} Hz are usual; of another one say its rate with «rate_hz»"
+    ),
     "controller-refused": note("{subject}: {why}"),
     "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
     "nothing-to-replay-on": note("the fit holds no nonlinear model, so no error is replayed"),
