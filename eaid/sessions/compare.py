@@ -49,6 +49,7 @@ from eaid.sessions.gather import (
 from eaid.sessions.loop import Promise
 from eaid.sessions.model import chance_beyond
 from eaid.shown import Plotted, pandas
+from eaid.steps.levels import same_level
 
 MOVED_CHANCE = 0.05
 NO_MORE = 1e-9  # Of the largest direction in which a curve is free, below which one is none
@@ -142,21 +143,25 @@ class Retune(Result, frozen=True):
     """Letter of the session that is held against the gains: A, or the other one, of which they were not made."""
     B: tuple[Number, ...] = ()
     """B at those levels."""
+    unseen: bool = False
+    """Whether they are levels at which the gains' own fit has none."""
 
     def words(self) -> str:
         """The answer, and why."""
-        its = f"{self.session}'s"
+        its = f"B = 1/b of session {self.session}"
         if self.lacking:
             each = ", ".join(f"{name} {_margins_said(one)}" for name, one in self.lacking.items())
-            return f"yes: on {its} plant the loops lack 6 dB and 45° ({each})"
+            return f"yes: on {self.session}'s plant the loops lack 6 dB and 45° ({each})"
         made = f"{self.B_m:.4g} … {self.B_M:.4g}"
         at = ", ".join(f"{B:.4g} at {u:.4g}" for u, B in zip(self.outside, self.B, strict=False))
         if self.needed:
-            return f"yes: {its} B leaves the range that the gains were made for, {made}: {at}"
+            return f"yes: {its} leaves the range that the gains were made for, {made}: {at}"
         if self.needed is None:
-            return f"perhaps: {its} B lies outside {made}, {at}, but not for certain; a reference step more tells"
-        but = f", but for what its interval leaves open: {at}" if at else ""
-        return f"no: {its} B stays within the range that the gains were made for, {made}{but}"
+            unsure, unseen = "but not for certain; a reference step more tells", "where the gains' fit has no level"
+            why = unseen if self.unseen else unsure
+            return f"perhaps: {its} lies outside the range that the gains were made for, {made}: {at}, {why}"
+        but = f"; its interval reaches beyond: {at}" if at else ""
+        return f"no: {its} stays within the range that the gains were made for, {made}{but}"
 
 
 class Comparison(Plotted, codec.Saved, Made, frozen=True):
@@ -374,10 +379,13 @@ def _retune(fit: Fit, gains: Gains, letter: str) -> Retune:
         reach = part * 2**0.5
         return tuple(u for u, B, ci in rows if B * (ci[1] / B) ** reach < low or B * (ci[0] / B) ** reach > high)
 
-    sure, unsure = beyond(1.0), beyond(0.5)
-    lacking, at = lacking_loops(fit, gains), sure or unsure or out
+    own = [point.duty_pct for point in gains.margins.points] if gains.margins is not None else []
+    sure = tuple(u for u in beyond(1.0) if not own or any(same_level(u, one, 0.0) for one in own))
+    unsure, lacking = beyond(0.5), lacking_loops(fit, gains)
+    at = sure or unsure or out
     needed = True if sure or lacking else None if unsure else False
-    return Retune(B_m, B_M, needed, at, lacking, letter, tuple(B for u, B, _ in rows if u in at))
+    unseen = needed is None and not any(same_level(u, one, 0.0) for u in at for one in own)
+    return Retune(B_m, B_M, needed, at, lacking, letter, tuple(B for u, B, _ in rows if u in at), unseen)
 
 
 def lacking_loops(fit: Fit, gains: Gains) -> dict[str, Margin]:

@@ -124,11 +124,17 @@ def test_gains_are_to_be_made_anew_where_b_leaves_their_range(before, gains, mak
     same = eaid.compare(before_again(before), before, gains=gains).retune
     assert same.needed is False and not same.outside
     little = eaid.compare(with_B(before, 0.99), before, gains=gains).retune
-    assert little.needed is False and little.outside and "leaves open" in little.words()  # as every session has it
+    assert (
+        little.needed is False and little.outside and "its interval reaches beyond" in little.words()
+    )  # as every session has it
     perhaps = eaid.compare(with_B(before, 0.9), before, gains=gains)
     assert perhaps.retune.needed is None and perhaps.tune_anew is None  # and no command makes them anew
     far = eaid.compare(eaid.fit(make(33, np.log(0.4))), before, gains=gains).retune
     assert far.needed is True and len(far.outside) >= 1
+    points = tuple(msgspec.structs.replace(one, duty_pct=one.duty_pct + 7.0) for one in gains.margins.points)
+    elsewhere = msgspec.structs.replace(gains, margins=msgspec.structs.replace(gains.margins, points=points))
+    asked = eaid.compare(with_B(before, 1.5), before, gains=elsewhere).retune  # once "yes", of B between the levels
+    assert asked.needed is None and asked.unseen and asked.words().endswith("where the gains' fit has no level")
 
 
 def with_B(fit, factor):

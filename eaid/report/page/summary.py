@@ -214,7 +214,7 @@ def _controller(results: Results, known: ByPart) -> Light:
         return Light("Controller", "none", "no gains given", "controller" if results.fit("clutch") else "appendix")
     gains = results.gains[0].result
     grade = _grade(known["controller"])
-    if grade == "good" and gains.guarantee is not None and gains.guarantee.holds is False:
+    if grade == "good" and (gains.guarantee is None or gains.guarantee.holds is False):
         grade = "care"
     return Light("Controller", grade, ". ".join(said.rstrip(".") for said in guarantee_story(gains)), "controller")
 

@@ -63,8 +63,10 @@ def guarantee_story(gains: Gains) -> list[str]:
     unknown = [called(row) for row in conditions_of(gains) if row.holds is None]
     if not rows and unknown:
         return [f"guarantee not known ({', '.join(unknown)})"]
+    if not rows and conditions_of(gains):
+        return ["guarantee yes"]
     if not rows:
-        return ["guarantee yes" if conditions_of(gains) else "guarantee not judged in this file"]
+        return ["no robust controller, so no guarantee" if gains.rc is None else "guarantee not judged in this file"]
     high, low = rows.get("duty-limit"), rows.get("duty-floor")
     both = None not in (high, low) and None not in (high.needed, low.needed)  # type: ignore[union-attr]
     why = []
