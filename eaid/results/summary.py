@@ -122,6 +122,9 @@ def plant_lines(fit: "Fit") -> list[str]:
     return said
 
 
+ONE_GAIN = 0.01  # Part by which the gains at both ends of the range may differ that are told as one
+
+
 def plant_values(part: FittedPlant) -> list[tuple[str, str]]:
     """Gain, time constants, frequency and damping, dead time of a plant, each with its unit and interval."""
     found = []
@@ -133,6 +136,9 @@ def plant_values(part: FittedPlant) -> list[tuple[str, str]]:
         said, unit = _with_ends(value, ends, 4), units.get(key, " s")
         if part.paced and key in LAGS:
             said, unit = " … ".join(f"{part.at(u)[key][0]:.4g}" for u in part.u_range), f"{unit} over the input"
+        gains = [float(part.plant.steady(u)) / u for u in part.u_range if u] if key == "gain" else []
+        if len(gains) > 1 and abs(gains[0] - gains[1]) > ONE_GAIN * abs(gains[1]):
+            said, unit = " … ".join(f"{one:.4g}" for one in gains), f"{unit} over the input"
         found.append((name, f"{said}{unit}"))
     return found
 

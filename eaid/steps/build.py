@@ -129,7 +129,8 @@ def stepset_of(cut_steps: Sequence[Run], options: ReadOptions = PLAIN, recorded:
         findings += rests_elsewhere(runs, input_unit)
     records = [_record(steps[run.name], tuple(of_runs[run.name]), run.name in out) for run in runs]
     usual = median([np.abs(level.mean).max() for level in levels]) if levels else 0.0
-    findings += sittings(records, usual, input_unit, typed(options.stated()))
+    read_so = None if any(run.dataset for run in runs) else typed(options.stated())  # which a dataset does not say
+    findings += sittings(records, usual, input_unit, read_so)
     records.sort(key=lambda record: (record.level, record.repeat, record.edge != "rising", record.name))
     return StepSet(
         kind, input_unit, output_unit, apparatus, tuple(levels), tuple(_averaged(down, out)), tuple(records),

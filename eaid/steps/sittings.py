@@ -28,8 +28,9 @@ DATE = re.compile(
 )
 
 
-def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str) -> list[Finding]:
-    """The finding of several sittings, with a command for each part; none where there is one. `usual`: output."""
+def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str | None) -> list[Finding]:
+    """The finding of several sittings; none where there is one. `usual`: output; `options` by which the logs were read,
+    for a command for each part; None of a dataset."""
     every = [run for run in runs if run.edge == "rising" and not run.left_out]
     rising = list({run.source: run for run in reversed(every)}.values())  # the first of each log
     moments = [_moment(run) for run in rising]
@@ -48,9 +49,10 @@ def sittings(runs: Sequence[RunRecord], usual: float, unit: str, options: str) -
     level = np.array([run.level for group in groups for run in group])
     sitting = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
     apart = bool(link((level[:, None] == level) | (sitting[:, None] == sitting)).any())
-    parts, logs, n = tuple(_words(group, unit) for group in groups), _beginnings(groups), len(groups)
+    parts, n = tuple(_words(group, unit) for group in groups), len(groups)
+    logs = () if options is None else _beginnings(groups)
     told = partial(finding, "several-sessions", "data", sessions=n, by=by)
-    return [told(parts=parts, mixed=apart, logs=logs, options=options)]
+    return [told(parts=parts, mixed=apart, logs=logs, options=options or "")]
 
 
 def _moment(run: RunRecord) -> float | None:

@@ -15,7 +15,7 @@ def _one_of_several(v: Values) -> str:
     commands = [
         f"eaid fit {logs} {v['options']}".rstrip() + f" -o {k}.json" for k, logs in enumerate(v.get("logs", ()), 1)
     ]
-    offer = f"; part them: {on_command_line('; '.join(commands))}" if commands else ""
+    offer = f"; part them: {on_command_line('; '.join(commands))}" if commands else "; fit each by itself"
     mixed = ", and what differs between their levels may be the sessions" if v["mixed"] else ""
     return f"the logs hold {v['sessions']} sessions ({v['by']}: {parts}){mixed}{offer}"
 
