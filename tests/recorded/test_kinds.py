@@ -1,5 +1,6 @@
 """Which plant recorded logs have: each kind is found and given back, and replays its own log as it was fitted."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -267,6 +268,14 @@ def test_a_kind_of_a_log_that_never_rests_says_what_it_assumes_of_rest() -> None
     late = slice(510, None)  # where it began, at rest, is not recorded
     fit = eaid.fit(t[late], u[late], (y + 0.3 * random.standard_normal(len(t)))[late], shape="one")
     assert fit.plant.kind == "ringing" and "rest-not-seen" in {one.code for one in fit.findings}
+
+
+def test_the_gain_of_a_plant_whose_output_is_no_line_is_told_over_the_input(tmp_path: Path) -> None:
+    """Once that at the highest input alone, 0.05, for one of 0.081 at the lowest."""
+    truth = Plant((0.3,), (0.3,), (0.5, 0.075, -4e-4, 1e-6), (20.0, 100.0), 1.0, zeta=0.3)
+    fit, _ = both(log_of(truth), tmp_path)
+    line = next(row for row in fit.summary().splitlines() if row.startswith("plant"))
+    assert re.search(r"gain 0\.08\d* … 0\.05\d* \S+ over the input", line)
 
 
 VARYING = {

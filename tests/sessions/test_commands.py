@@ -166,6 +166,11 @@ def test_logs_of_several_sittings_are_said_with_an_offer_to_part_them(run_eaid, 
         fit = eaid.load(command.split()[-1])
         assert ran.code == 0 and (fit.options.share, fit.options.ci) == (0.8, "none")
         assert fit.options.reading == {"columns": 'input="a b"', "units": "input=pct", "until": 70.0}
+    run_eaid("ingest", "logs", *words[:-4], "-o", "data.h5")
+    told = run_eaid(
+        "fit", "data.h5", "-v", "-o", "of-data.json"
+    )  # once the same commands, without what logs are read by
+    assert "the logs hold 2 sessions" in told.err and "fit each by itself" in told.err and "part them" not in told.err
 
 
 def test_a_jump_of_the_idle_tells_sittings_apart_where_names_do_not(make):
