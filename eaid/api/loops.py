@@ -256,7 +256,7 @@ def export(
     >>> gains = eaid.tune_rc(fit)
     >>> folder = eaid.export(gains, pathlib.Path(tempfile.mkdtemp()) / "rig", target="yaml")
     >>> folder.laws, "parameters.yaml" in folder.files
-    (('pi', 'rc'), True)
+    (('pi', 'rc', 'pi-feedforward'), True)
     """
     from eaid.export.export import export as exported
 

@@ -147,7 +147,7 @@ def fit(
     _ask(steps)
     from eaid.levels.asks import asks_for_another_kind
     from eaid.levels.tails import as_fitted
-    from eaid.levels.workflow import fit_steps
+    from eaid.levels.workflow import fit_steps, tell_within_row
     from eaid.replay.compare import of_own_logs, residuals_of_logs
     from eaid.results.common import Samples
     from eaid.results.parameters import parameters_of
@@ -168,7 +168,7 @@ def fit(
         from eaid.recorded.fit import fit_whole
 
         with progress("fitting the recorded log", 0):
-            fitted = fit_whole(steps, how)
+            fitted = tell_within_row(fit_whole(steps, how))
         samples = Samples(steps, partial(residuals_of_logs, runs=steps.recorded))
         return msgspec.structs.replace(fitted, parameters=parameters_of(fitted), samples=samples)
     if another:
@@ -177,7 +177,7 @@ def fit(
 
             fitted = try_another_kind(as_clutch, steps, how)
     of_data = msgspec.structs.replace(fitted.data, replayed=of_own_logs(fitted, steps.logs))
-    fitted = judged(msgspec.structs.replace(fitted, data=of_data))
+    fitted = judged(tell_within_row(msgspec.structs.replace(fitted, data=of_data)))
     steps = as_fitted(steps, fitted)
     responses = responses_of(steps.noted_late(fitted.noted_late_s), as_clutch.findings)
     more = {"responses": responses, "parameters": parameters_of(fitted), "samples": Samples(steps)}

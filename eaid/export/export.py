@@ -11,7 +11,7 @@ from eaid.control.kinds import LAW_KINDS
 from eaid.control.margins import margins, operating_points, points_of
 from eaid.errors import EaidError, GainsError
 from eaid.export.constants import CONSTANTS, constants_of, name_in_code
-from eaid.export.job import Job, Origin, head_of, laws_of, rig_for, source_of, vectors
+from eaid.export.job import Job, Origin, head_of, laws_of, log_seconds, rig_for, source_of, vectors
 from eaid.export.targets import MADE_BY, TARGETS, VECTOR_COLUMNS
 from eaid.files import folder_written_whole, refuse_folder, sha256_of
 from eaid.findings import Finding, finding, ranked, say, stops
@@ -162,7 +162,7 @@ def export(
     job = Job(
         rig, tuple(map(name_in_code, laws)), constants, tuple(vectors(constants, source.top, rig)),
         head_of(source, laws, rig, findings, command, inputs), options.target, folder.resolve().name,
-        source.top, limits,
+        source.top, limits, log_seconds(source.plant),
     )  # fmt: skip
     files = dict(TARGETS[options.target](job))
     with folder_written_whole(folder, is_export) as part:

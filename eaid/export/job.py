@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from eaid.control.defaults import control_rate, input_limits
 from eaid.control.gains import law_of, plant_of, refuse_other_units
 from eaid.control.kinds import Law
@@ -188,6 +190,24 @@ class Job:
     name: str  # The folder's name
     top: float  # Largest torque of the rig [output unit]
     limits: tuple[float, float]  # Of the duty
+    log_s: tuple[float, float, float]  # Rest and hold of a step that the check program logs, and a piece of its loops
+
+
+PAPERS_LOG_S, PAPERS_LAG_S = (
+    (2.0, 15.0, 2.0),
+    (2.0, 60.0),
+)  # `Job.log_s` of rigs whose slowest lag lies between the latter
+
+
+def log_seconds(plant: Plant | None) -> tuple[float, float, float]:
+    """How long the check program logs a plant: the paper's times, of far slower or quicker ones by their lags."""
+    if plant is None:
+        return PAPERS_LOG_S
+    slow, late = plant.slowest_s(np.array(plant.u_range)), plant.dead_time_s
+    if PAPERS_LAG_S[0] <= slow <= PAPERS_LAG_S[1]:
+        return PAPERS_LOG_S
+    rest, hold, piece = (float(f"{one:.2g}") for one in (slow, 5 * slow + late, 2 * slow + late))
+    return rest, hold, piece
 
 
 def laws_of(source: Origin, options: ExportOptions) -> tuple[str, ...]:

@@ -258,6 +258,15 @@ def _fit_beside(
     return stepset, msgspec.structs.replace(result, findings=tuple(told))
 
 
+def tell_within_row(fit: Fit) -> Fit:
+    """The fit, a dead time below the time from row to row told: the input may have been switched anywhere in one."""
+    late_s, row_s = fit.dead_time_s, 1 / (fit.data.sample_rate_hz or np.inf)
+    if not 0 < late_s < row_s:
+        return fit
+    one = finding("dead-time-within-row", "nonlinear", dead_time_s=late_s, row_s=row_s, most_s=late_s + row_s)
+    return msgspec.structs.replace(fit, findings=ranked((*fit.findings, one)))
+
+
 def _fast_part_unseen(free: Fit, stepset: StepSet) -> Finding | None:
     """Said where the fast part of a C that was set free is over within `UNSEEN_ROWS`: an input noted late looks so."""
     fast_s = float(free.plant.time_constants(np.array([one.level for one in stepset.levels]))[0].max())

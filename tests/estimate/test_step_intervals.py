@@ -116,3 +116,12 @@ def test_an_input_noted_a_row_late_makes_no_fast_lag() -> None:
     rise = np.where(t > 1.995, 1 - np.exp(-(t - 1.99) / 0.5), 0.0)
     fit = eaid.fit(t, np.where(t > 1.995, 60.0, 0.0), 1.44 * rise + np.random.default_rng(0).normal(0, 0.01, 2000))
     assert fit.plant.C > 0.5 and fit.plant.time_constants(60.0)[0] == pytest.approx(0.5, rel=0.05)
+
+
+def test_a_dead_time_below_a_row_is_told_as_such() -> None:
+    """Rows 50 ms apart, an input switched at 2.01 s and noted at 2.05: 0.05 s were told as 0.01 ± 0.001."""
+    t = np.arange(400) / 20
+    y = 2 * (1 - np.exp(-np.maximum(t - 2.06, 0.0) / 0.3)) + np.random.default_rng(0).normal(0, 0.002, 400)
+    fit = eaid.fit(t, np.where(t > 2.01, 5.0, 0.0), y)
+    (told,) = (one for one in fit.findings if one.code == "dead-time-within-row")
+    assert told.values["dead_time_s"] < told.values["row_s"] == pytest.approx(0.05) and told.values["most_s"] > 0.05

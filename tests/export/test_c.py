@@ -142,6 +142,16 @@ def test_logs_of_the_exported_plant_are_fitted_without_options_and_give_it_back(
         assert getattr(found, name) == pytest.approx(PLANT["nonlinear"][name], rel=2e-3, abs=1e-4)
 
 
+def test_a_slow_plant_is_logged_until_it_is_there(tmp_path):
+    """Once 17 s of any rig: of one of 3000 s nothing but zeros."""
+    slow = fit_of(nonlinear={"tau1": [3000.0, 0, 0], "tau2": [3000.0, 0, 0]}, release=None)
+    eaid.export(gains_of(), tmp_path / "c", slow, rate_hz=1.0, law=("pi", "plant"), anyway=True)
+    log = np.loadtxt(
+        ran(compiled(tmp_path / "c"), "log", "plant", "60", cwd=tmp_path).stdout.splitlines(), delimiter=",", skiprows=1
+    )
+    assert log[-1, 0] > 4 * 3000 and log[-1, 2] == pytest.approx(slow.plant.steady(60.0), rel=0.01)
+
+
 @pytest.mark.skipif(not shutil.which("valgrind"), reason="no valgrind")
 def test_valgrind_finds_nothing(exported):
     program = compiled(exported("c"), "", "-O0")

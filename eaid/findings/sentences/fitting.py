@@ -465,6 +465,10 @@ ROWS: dict[str, Row] = {
         ),
         "dead_time_s",
     ),
+    "dead-time-within-row": caution(
+        "the dead time of {dead_time_s:.2g} s is less than the {row_s:.2g} s from row to row: where the input is not "
+        "switched just when a row is written, it may be up to {most_s:.2g} s, which margins do not count; log faster"
+    ),
     "dead-time-grows": caution(
         "the dead time grows with the step, from {least_s:.3g} s at {least:g} to {most_s:.3g} s at {most:g}, as behind "
         "a drive that ramps its output, by some {rate:.3g} {unit} a second: the models have one dead time for all, and "
