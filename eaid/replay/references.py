@@ -158,7 +158,7 @@ def read_rows(
     another header, or with its bad rows: the first column is a time that rises."""
     wanted = ",".join(header)
     if not path.is_file():
-        raise DataError(f"{path}: no such file; give a CSV {wanted}")
+        raise DataError(f"{path}: {'is no plain file' if path.exists() else 'no such file'}; give a CSV {wanted}")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
