@@ -85,14 +85,17 @@ def replayed(fit: "Fit") -> list[str]:
 def unseen(fit: "Fit") -> list[str]:
     """How the model holds on what fits without it have not seen, beside what it explains of the same when it has."""
     if fit.recorded is not None and (logs := fit.recorded.hold_out) is not None and logs.held_pct is not None:
-        whose, they = ("logs left out in turn", "them") if logs.of == "logs" else (f"the {logs.of} left out", "it")
-        return [f"unseen {logs.held_pct:.1f} % of {whose} ({number(logs.fit_pct, 3)} % with {they})"]
+        several = logs.of == "logs"
+        whose, they = ("logs left out in turn", "they are") if several else (f"the {logs.of} left out", "it is")
+        known = f"{number(logs.fit_pct, 3)} % where {they} fitted"
+        return [f"unseen {logs.held_pct:.1f} % explained of {whose} ({known})"]
     said, left = held_out_line(fit), None if fit.nonlinear is None else fit.nonlinear.left_out
     if left is None or left.held_pct is None or left.worst is None:
         return said
     at = f"{left.worst:.4g} {fit.data.input_unit}".rstrip()
     off = f"T_s off by {number(left.Ts_off_pct, 3)} % (median), at worst {number(left.worst_off_pct, 3)} % at {at}"
-    in_turn = f"unseen {left.held_pct:.1f} % of levels left out in turn ({number(left.fit_pct, 3)} % with them), {off}"
+    known = f"{number(left.fit_pct, 3)} % where they are fitted"
+    in_turn = f"unseen {left.held_pct:.1f} % explained of levels left out in turn ({known}), {off}"
     return [*said, in_turn]
 
 

@@ -39,7 +39,7 @@ def test_a_plant_that_is_there_holds_where_it_has_not_seen(logs: tuple[int, ...]
     found = fit(*map(log, logs))
     unseen = found.recorded.hold_out
     assert unseen.of == of and abs(unseen.held_pct - unseen.fit_pct) < 1 and unseen.fit_pct > 95
-    assert found.verdict.usable and f"unseen {unseen.held_pct:.1f} % of" in found.summary()
+    assert found.verdict.usable and f"unseen {unseen.held_pct:.1f} % explained of" in found.summary()
 
 
 @pytest.mark.slow
