@@ -25,6 +25,7 @@ from eaid.sessions.gather import RESPONSES, WHOLE_NUMBERS, Session, SessionValue
 from eaid.sessions.model import NO_STEPS, KnownValues, Next, SessionModel, as_known, steps_known
 from eaid.shown import Plotted, counted, pandas
 
+TELLING = 1.005  # Factor from which one reach is told to be less than another
 LEAST_SESSIONS = 3  # Sessions that tell how much they differ
 FEW_SESSIONS = 5  # Sessions below which that is known to a factor only
 MANY_SESSIONS = 8  # From which they tell at which level gain and tilt are apart
@@ -204,10 +205,11 @@ class Rig(Plotted, codec.Saved, Made, frozen=True):
         """What is known of the next session, and what to record."""
         one, n = self.main, len(self.sessions)
         narrower = math.sqrt((1 + 1 / (n + 1)) / (1 + 1 / n)) * float(stdtrit(n, 0.975) / stdtrit(n - 1, 0.975))
-        why = "sessions, not repeats: " * (one.more_repeats > 0.95 * one.factor)
+        by_session = one.factor**narrower
+        why = "sessions, not repeats: " * (one.more_repeats > max(0.95 * one.factor, TELLING * by_session))
         more = (
             f"advice  {why}one more repeat to every three leaves ×/÷ {one.more_repeats:.2f}, one more session about "
-            f"×/÷ {one.factor**narrower:.2f}"
+            f"×/÷ {by_session:.2f}"
         )
         known = [key for key in RESPONSES if key in self.quantities]
         also = [f"{key} {self._reach(self.quantities[key], ', after one step')}" for key in known]
@@ -329,7 +331,7 @@ def _rig_findings(rig: Rig, one: Quantity, model: SessionModel) -> Iterator[Find
         yield tell("few-sessions", sessions=model.count)
     none = tuple(COMPONENTS[k] for k in model.free if model.variances[k] <= 1e-6 * model.line.scale)
     if none:
-        yield tell("no-scatter-between-sessions", parameter=name, components=none)
+        yield tell("no-scatter-in-parts", parameter=name, components=none)
     if not model.knots[0] <= one.reference_level <= model.knots[-1]:
         yield tell("reference-level-outside", levels=model.knots, level=one.reference_level, unit=unit)
     far, factor = _carried(model)

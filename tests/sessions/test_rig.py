@@ -184,7 +184,7 @@ def test_today_is_offered_where_there_is_a_plant(rig):
 
 def test_a_scatter_that_is_not_seen_is_said():
     found = eaid.sessions(many([0.3, -0.3, 0.1, -0.2, 0.2, 0.0]).assign(sd_log=0.05))
-    none = [one for one in found.findings if one.code == "no-scatter-between-sessions"]
+    none = [one for one in found.findings if one.code == "no-scatter-in-parts"]
     assert none and "session × level" in none[0].values["components"]
 
 

@@ -45,7 +45,7 @@ ROWS: dict[str, Row] = {
     "session-not-usable": caution(
         "session {subject} is of a fit that is NOT USABLE ({why}): its values are taken as they are; fit it again"
     ),
-    "no-scatter-between-sessions": caution(_no_scatter),
+    "no-scatter-in-parts": caution(_no_scatter),
     "reference-level-outside": caution(
         "the reference level {level:.4g} {unit} lies outside the levels {levels} of the sessions: what is said there "
         "is carried on from them; choose one among them"
