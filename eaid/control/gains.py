@@ -30,6 +30,11 @@ class RangeOfB:
 
 def model_of(fit: Fit) -> LinearPlant:
     """The pooled linear model; DataError where it is missing, GainsError where it is not physical."""
+    if fit.linear is None and fit.data.kind != "clutch":
+        raise DataError(
+            f"the fit is one of {fit.data.kind}, which no loop drives; where its input is yours to command, fit the "
+            "logs with «kind» clutch and «columns» input=NAME"
+        )
     if fit.linear is None:
         raise DataError("the fit holds no linear model; fit clutch data with «model» linear (or all models)")
     return physical(fit.linear.parameters)
