@@ -63,9 +63,11 @@ def merged(findings: Sequence[Finding]) -> tuple[Finding, ...]:
 def advised(findings: Iterable[Finding], typed: Sequence[str]) -> tuple[str, str]:
     """What the gravest of a fit's findings asks for before gains are built on it: by hand, or by options of another fit
     that was not `typed` with them; both empty where none asks for anything."""
-    for one in ranked(merged(tuple(findings))):
+    every = ranked(merged(tuple(findings)))
+    codes = {one.code for one in every}
+    for one in every:
         row = _row_of_code(one.code)
-        if row.first or (row.refit and row.refit.split()[0] not in typed):
+        if row.first or (row.refit and row.unless not in codes and row.refit.split()[0] not in typed):
             return row.first, row.refit.format(**one.values)
     return "", ""
 

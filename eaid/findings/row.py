@@ -30,6 +30,7 @@ class Row:
     covers: tuple[str, ...] = ()  # Codes that say less of the same thing: they are not told beside this one
     first: str = ""  # What to do by hand before gains are built on the fit
     refit: str = ""  # Options of another fit that mends it, a `str.format` text over its values
+    unless: str = ""  # Code beside which those options mend nothing
 
 
 stop, caution, note = partial(Row, "stop"), partial(Row, "caution"), partial(Row, "note")  # Rows of each severity

@@ -86,3 +86,11 @@ SAID = {
 def test_sentences_that_count_list_or_leave_out(case):
     values, said = SAID[case]
     assert said in findings.say(made(case.strip(), **values))
+
+
+def test_no_share_is_advised_where_a_slow_part_outlasts_its_record():
+    """Held friction of 16.9 N became T_s 24.6 ± 6 % by following "next eaid fit … --share 0.636"."""
+    asks = made("runs-reject-the-share", "friction", held=0.85, estimate=0.636, low=0.6, high=0.67)
+    beyond = made("tau2-outlasts-record", "friction", levels=(5.0,), record_s=2.78, unit="bar")
+    assert findings.advised([asks], ()) == ("", "--share 0.636")
+    assert findings.advised([asks, beyond], ()) == ("", "")

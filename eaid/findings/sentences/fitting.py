@@ -311,6 +311,7 @@ ROWS: dict[str, Row] = {
         "if it is none of these, refit with «share» {estimate:.3f}",
         rank=0,
         refit="--share {estimate:.3f}",
+        unless="tau2-outlasts-record",  # whose T_s would follow C far beyond what was reached
     ),
     "joint-fit-parts": note(
         lambda v: (
