@@ -68,7 +68,9 @@ def answer(fit: "Fit") -> list[str]:
         used = USED[model.estimator] if fit.recorded is None else "the recorded log as a whole, every input at once"
         parted = any(one.code in ("joint-fit-parts", "joint-fit-asked-for-parts") for one in fit.findings)
         apart = " (not the joint fit, which gains that scatter lead astray)" if parted else ""
-        lines.append(f"used   {used}{apart}{_late(fit)}")
+        known = any(one.code == "share-by-evidence" for one in fit.findings)
+        share = f", C {_with_ends(model.C, None if model.ci95 is None else model.ci95.C, 3)}" if known else ""
+        lines.append(f"used   {used}{apart}{_late(fit)}{share}")
     return [*lines, *_hold_line(fit)]
 
 

@@ -64,6 +64,7 @@ def test_another_share_is_taken_or_recommended() -> None:
     assert told["estimate"] == pytest.approx(0.5, abs=1e-3) and told["held"] == 0.85
     fit = eaid.fit(made)  # with a curve of τ over the levels, the fit has it
     told = codes(fit)["share-by-evidence"].values
+    assert f", C {told['C']:.3g} ({told['low']:.3g} … {told['high']:.3g})" in fit.summary()
     assert told["low"] <= fit.plant.C <= told["high"] and pytest.approx(0.5, abs=1e-3) == fit.plant.C
 
 
