@@ -271,6 +271,14 @@ def _contradiction(step: Cut) -> Finding | None:
     return finding("level-contradicts-input", run.name, said=run.level, held=held, unit=run.input_unit)
 
 
+def _command_answered(step: Cut) -> Finding | None:
+    """An output that is at its end at once, to the digit, while the input moves on: a command, and what answers it."""
+    u = step.run.input[step.start :]
+    if not step.run.has_input or len(u) < FEW_SAMPLES_CHECKED or np.ptp(step.rise) > 0:
+        return None
+    return finding("columns-exchanged", step.run.name) if 2 * len(np.unique(u)) > len(u) else None
+
+
 def _gap(step: Cut) -> Finding | None:
     every = np.diff(step.run.time_s)
     at = int(every.argmax()) if len(every) else 0
@@ -455,7 +463,7 @@ def _several_edges(step: Cut) -> Finding | None:
 
 # The checks of one run, by its edge: each gives a finding or nothing
 CHECKS: dict[str, tuple[Callable[[Cut], Finding | None], ...]] = {
-    "rising": (_negative, _contradiction, _glitch, _gap, _gap_at_step, ramp, _drift, _not_idle, saturated,
+    "rising": (_negative, _contradiction, _command_answered, _glitch, _gap, _gap_at_step, ramp, _drift, _not_idle, saturated,
                stuck, copied, isolated_spikes, _several_edges),
     "falling": (_negative, _glitch, _gap, _gap_at_step, ramp, saturated, stuck, copied, isolated_spikes,
                 _left_after_release),

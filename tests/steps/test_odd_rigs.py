@@ -145,3 +145,12 @@ def test_what_one_repeat_has_of_its_own_is_told(name: str) -> None:
         assert {run[-1] for run in told[code]["runs"]} == {"1"}
     elif code == "starts-apart":  # 30 ms later than the two others, and 20 than all in the mean
         assert told[code]["run"][-1] == "1" and told[code]["off_ms"] == pytest.approx(20, abs=4)
+
+
+def test_a_command_and_what_answers_it_are_no_input_and_output():
+    """Once T_s 60 (56.6 … 63.6) N·m, τ1 1 ms, "usable yes, next eaid tune-rc"."""
+    t = clock(20.0)
+    answer = 1.5 * (1 - np.exp(-np.maximum(t - 2, 0.0) / 0.4)) + white(len(t), 0.01, 0)
+    logs = {"a": pd.DataFrame({"time_s": t, "duty_pct": answer, "torque_nm": np.where(t >= 2, 60.0, 0.0)})}
+    fit = eaid.fit(eaid.read(logs))
+    assert not fit.verdict.usable and "columns exchanged" in fit.verdict.sentence

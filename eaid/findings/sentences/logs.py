@@ -79,6 +79,10 @@ ROWS: dict[str, Row] = {
         "«units» {role}=gf or kgf"
     ),
     "time-since-a-day": note("{column} counts {counts}, as its first stamp tells"),
+    "columns-exchanged": stop(
+        "{subject}: the output jumps to its end at once and stays there to the digit, while the input moves on: are "
+        "their columns exchanged? say which is which with «columns» input=NAME,output=NAME"
+    ),
     "time-unclear": stop(_time_unclear),
     "time-doubtful": caution(
         "no unit is given for {column}: in seconds its stamps lie {usual_s:.3g} s apart and the log takes {span_s:.4g} "
