@@ -463,8 +463,8 @@ def _several_edges(step: Cut) -> Finding | None:
 
 # The checks of one run, by its edge: each gives a finding or nothing
 CHECKS: dict[str, tuple[Callable[[Cut], Finding | None], ...]] = {
-    "rising": (_negative, _contradiction, _command_answered, _glitch, _gap, _gap_at_step, ramp, _drift, _not_idle, saturated,
-               stuck, copied, isolated_spikes, _several_edges),
+    "rising": (_negative, _contradiction, _command_answered, _glitch, _gap, _gap_at_step, ramp, _drift, _not_idle,
+               saturated, stuck, copied, isolated_spikes, _several_edges),
     "falling": (_negative, _glitch, _gap, _gap_at_step, ramp, saturated, stuck, copied, isolated_spikes,
                 _left_after_release),
 }  # fmt: skip
