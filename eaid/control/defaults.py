@@ -114,10 +114,8 @@ def input_limits(fit: Fit) -> tuple[float, float]:
     return 0.0, highest
 
 
-LEAST_SAMPLES, FAST_SAMPLES = (
-    20,
-    12,
-)  # Samples in the shortest lag of a slow rig, in the linear model's of a fast one, at least
+LEAST_SAMPLES = 20  # Samples in the shortest lag of a slow rig, at least
+FAST_SAMPLES = 12  # Samples in the linear model's lag of a fast one, at least
 QUICK_PWM = 20  # Periods of a PWM in a sample from which its latch adds nothing
 
 

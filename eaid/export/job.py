@@ -193,10 +193,8 @@ class Job:
     log_s: tuple[float, float, float]  # Rest and hold of a step that the check program logs, and a piece of its loops
 
 
-PAPERS_LOG_S, PAPERS_LAG_S = (
-    (2.0, 15.0, 2.0),
-    (2.0, 60.0),
-)  # `Job.log_s` of rigs whose slowest lag lies between the latter
+PAPERS_LOG_S = (2.0, 15.0, 2.0)  # `Job.log_s` of the paper's rig, and of those whose slowest lag lies between …
+PAPERS_LAG_S = (2.0, 60.0)  # … these
 
 
 def log_seconds(plant: Plant | None) -> tuple[float, float, float]:
@@ -220,6 +218,9 @@ def laws_of(source: Origin, options: ExportOptions) -> tuple[str, ...]:
             raise UsageError(f"«law» {law}: {source.gains.refused[law]}")
         if law not in source.laws:
             need = "gains.json of eaid tune-rc" if law in CONSTANTS else "fit.json with a nonlinear model, «fit»"
+            if law in CONSTANTS and source.gains is not None:
+                held = ", ".join(source.laws) or "none"
+                raise UsageError(f"«law» {law}: these gains hold no {law}; take one of {held}, or run tune-rc again")
             raise UsageError(f"«law» {law} needs what was not given: {need}")
     if options.duty_on_fault and set(wanted) == {"plant"}:
         raise UsageError("«duty_on_fault»: is of a controller, and the plant alone is exported; leave it out")
