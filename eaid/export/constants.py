@@ -156,7 +156,7 @@ class RigInfo:
         )
 
 
-def pi_constants(gains: PIGains, rig: RigInfo) -> Entries:
+def pi_constants(gains: PIGains | PIFeedforwardGains, rig: RigInfo) -> Entries:
     """Constants of the PI."""
     i, o = rig.input, rig.output
     return (
@@ -168,20 +168,15 @@ def pi_constants(gains: PIGains, rig: RigInfo) -> Entries:
 
 def pi_feedforward_constants(gains: PIFeedforwardGains, rig: RigInfo) -> Entries:
     """Constants of the PI with the robust controller's feedforward."""
-    g, i, o = gains, rig.input, rig.output
-    return (
-        Entry("K_P", g.K_P, i + rig.per(o), "proportional gain"),
-        Entry("K_I", g.K_I, f"{i}/({o}·s)", "integral gain"),
-        Entry("B_hat", g.B_hat, f"{i}·s{rig.per(o)}", "B̂, Eq. (11)"),
-        *model_constants(gains, rig),
-        *rig.limits(g.duty_min, g.duty_max),
-    )
+    K_P, K_I, *limits = pi_constants(gains, rig)
+    return (K_P, K_I, *forward_constants(gains, rig), *limits)
 
 
-def model_constants(gains: PIFeedforwardGains | RCGains, rig: RigInfo) -> Entries:
-    """Constants of the linear model that feeds forward, Eq. (8)."""
+def forward_constants(gains: PIFeedforwardGains | RCGains, rig: RigInfo) -> Entries:
+    """Constants of what is fed forward: B̂, and the linear model."""
     i, o = rig.input, rig.output
     return (
+        Entry("B_hat", gains.B_hat, f"{i}·s{rig.per(o)}", "B̂, Eq. (11)"),
         Entry("a0", gains.a0, "1/s", "linear model, Eq. (8)"),
         Entry("b0", gains.b0, f"{o}/(s·{i})", "linear model"),
         Entry("c0", gains.c0, f"{o}/s", "linear model"),
@@ -190,12 +185,11 @@ def model_constants(gains: PIFeedforwardGains | RCGains, rig: RigInfo) -> Entrie
 
 def rc_constants(gains: RCGains, rig: RigInfo) -> Entries:
     """Constants of the robust controller."""
-    g, i, o = gains, rig.input, rig.output
+    g, o = gains, rig.output
     return (
         Entry("K_P", g.K_P, "1/s²", "Eq. (12)"),
         Entry("K_D", g.K_D, "1/s", "Eq. (12)"),
-        Entry("B_hat", g.B_hat, f"{i}·s{rig.per(o)}", "B̂, Eq. (11)"),
-        *model_constants(gains, rig),
+        *forward_constants(gains, rig),
         Entry("rho_constant", g.rho_constant, f"{o}/s", "ρ at ξ = 0, Eq. (15)"),
         Entry("rho_slope", g.rho_slope, "1/s", "dρ/d‖ξ‖"),
         Entry("epsilon", g.epsilon, "", "half width of the boundary layer, in units of z"),

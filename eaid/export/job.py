@@ -217,10 +217,10 @@ def laws_of(source: Origin, options: ExportOptions) -> tuple[str, ...]:
         if source.gains is not None and law in source.gains.refused:
             raise UsageError(f"«law» {law}: {source.gains.refused[law]}")
         if law not in source.laws:
-            need = "gains.json of eaid tune-rc" if law in CONSTANTS else "fit.json with a nonlinear model, «fit»"
             if law in CONSTANTS and source.gains is not None:
                 held = ", ".join(source.laws) or "none"
                 raise UsageError(f"«law» {law}: these gains hold no {law}; take one of {held}, or run tune-rc again")
+            need = "gains.json of eaid tune-rc" if law in CONSTANTS else "fit.json with a nonlinear model, «fit»"
             raise UsageError(f"«law» {law} needs what was not given: {need}")
     if options.duty_on_fault and set(wanted) == {"plant"}:
         raise UsageError("«duty_on_fault»: is of a controller, and the plant alone is exported; leave it out")

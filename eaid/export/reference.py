@@ -109,42 +109,41 @@ class Integral(Sampled):
         return duty
 
 
-class PIFeedforward(Integral):
-    """The PI with the robust controller's feedforward."""
-
-    def forward(self, reference_rate: Number, torque: Number) -> Number:
-        """The duty that is fed forward."""
-        c = self.c
-        return c.B_hat * reference_rate + (c.a0 * torque - c.c0) / c.b0
-
-    def wanted(self, integral: Number, reference: Number, reference_rate: Number, torque: Number) -> Number:
-        """The duty before its limits."""
-        c = self.c
-        return c.K_P * (reference - torque) + c.K_I * integral + self.forward(reference_rate, torque)
-
-    def start(self, reference: Number, reference_rate: Number, torque: Number, duty: Number) -> None:
-        """The integral with which the next step gives `duty`: a switch without a bump."""
-        self.reset()
-        c = self.c
-        if good(reference, reference_rate, torque, duty) and c.K_I > 0.0:
-            rest = c.K_P * (reference - torque) + self.forward(reference_rate, torque)
-            self.integral = (clamp(duty, c.duty_min, c.duty_max) - rest) / c.K_I
-
-
-class PI(PIFeedforward):
+class PI(Integral):
     """The PI of §V-B; the rate is not used."""
 
-    def forward(self, reference_rate: Number, _torque: Number) -> Number:
-        """Nothing: −0, which no sum shows."""
-        return -0.0 * reference_rate
+    def wanted(self, integral: Number, reference: Number, _reference_rate: Number, torque: Number) -> Number:
+        """The duty before its limits."""
+        return self.c.K_P * (reference - torque) + self.c.K_I * integral
 
     def step(self, reference: Number, _reference_rate: Number, torque: Number) -> Number:
         """One sample."""
         return super().step(reference, 0.0, torque)
 
     def start(self, reference: Number, _reference_rate: Number, torque: Number, duty: Number) -> None:
+        """The integral with which the next step gives `duty`: a switch without a bump."""
+        self.reset()
+        c = self.c
+        if good(reference, torque, duty) and c.K_I > 0.0:
+            self.integral = (clamp(duty, c.duty_min, c.duty_max) - c.K_P * (reference - torque)) / c.K_I
+
+
+class PIFeedforward(Integral):
+    """The PI with the robust controller's feedforward."""
+
+    def wanted(self, integral: Number, reference: Number, reference_rate: Number, torque: Number) -> Number:
+        """The duty before its limits."""
+        c = self.c
+        forward = c.B_hat * reference_rate + (c.a0 * torque - c.c0) / c.b0
+        return c.K_P * (reference - torque) + c.K_I * integral + forward
+
+    def start(self, reference: Number, reference_rate: Number, torque: Number, duty: Number) -> None:
         """The integral with which the next step gives `duty`."""
-        super().start(reference, 0.0, torque, duty)
+        self.reset()
+        c = self.c
+        if good(reference, reference_rate, torque, duty) and c.K_I > 0.0:
+            rest = self.wanted(self.integral, reference, reference_rate, torque)
+            self.integral = (clamp(duty, c.duty_min, c.duty_max) - rest) / c.K_I
 
 
 class RC(Integral):

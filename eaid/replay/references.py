@@ -75,8 +75,8 @@ def sweep(dt_s: float, duration_s: float | None, top: float, pace: float) -> Ref
     frequencies_hz = [pace * f for f in (0.2, 0.3, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 2.5, 3.0)]
     if max(frequencies_hz) > 0.25 / dt_s:
         raise UsageError(
-            f"sweep: frequencies must lie above 0 and up to a quarter of the control rate, {0.25 / dt_s:g} Hz; give it "
-            "by «rate_hz» to tune-rc"
+            f"sweep: frequencies must lie above 0 and up to a quarter of the control rate, {0.25 / dt_s:g} Hz; raise "
+            "«rate_hz»"
         )
     pieces, tones, begin = [], [], 0
     for frequency in frequencies_hz:

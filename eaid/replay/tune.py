@@ -8,6 +8,7 @@ from functools import partial
 import msgspec
 import numpy as np
 
+from eaid.apparatus import Apparatus
 from eaid.control.defaults import (
     Scales,
     beyond_rc,
@@ -43,7 +44,6 @@ from eaid.results.fit import Fit
 from eaid.results.gains import PI, AskedPI, Compared, Gains, Guarantee, Replayed, Robust, Timing, Tracking
 
 OPEN_PART = 1.01  # By which B may lie outside of its range, and nothing is said
-USUAL_RATE_HZ = 1000.0  # Of a controller
 LATER = 0.1  # Part of the dead time by which loops that are designed for a later one say so
 SETTLINGS, MOST_STEP_SAMPLES = 5.0, 200_000  # Of a PI's step behind a dead time, that are watched; samples at most
 LARGEST_INPUT = 1e9
@@ -303,10 +303,13 @@ def _notes(task: Task, settled: Design, tuned: Design, rc: Robust | None, replay
         findings.append(
             finding("rc-slowed", "rc", epsilon=tuned.epsilon, K_P=tuned.K_P, K_D=tuned.K_D, loop=task.timing.words())
         )
-    if (rate := task.timing.rate_hz) == control_rate(task.fit) > USUAL_RATE_HZ:
-        findings.append(
-            finding("control-rate-raised", "model", lag_s=1 / model.a0, rate_hz=rate, usual_hz=USUAL_RATE_HZ)
+    usual_hz, rate = (task.fit.data.apparatus or Apparatus()).sample_rate_hz, task.timing.rate_hz
+    if rate == control_rate(task.fit) > usual_hz:
+        lag_s = 1 / model.a0
+        told = finding(
+            "control-rate-raised", "model", rate_hz=rate, usual_hz=usual_hz, lag_s=lag_s, samples=rate * lag_s
         )
+        findings.append(told)
     if task.plant is None:
         findings.append(finding("nothing-to-replay-on", "model"))
         return findings

@@ -82,8 +82,8 @@ def today(rig: Rig, step: Fit | StepSet) -> Fit:
     if again := [one for one in logs_of(shown) if one.sha256 in names]:
         was = names[again[0].sha256]
         raise DataError(f"{again[0].path}: is a log of session {was} already; give a step of the new session")
-    files = ", ".join(one.path for one in logs_of(shown) if one.path) or "today"
-    told_together({RIG_NAME: base, files: shown})
+    paths = [one.path for one in logs_of(shown)] or [] if isinstance(step, Fit) else [path for path, _ in step.inputs]
+    told_together({RIG_NAME: base, next(filter(None, paths), "today"): shown})
     steps = {name: _steps(rig, shown, name) for name in rig.quantities}
     if not shown.level_values:
         raise DataError("the logs hold no step from rest, which a reference step is; record one, from rest to a level")

@@ -185,7 +185,7 @@ def test_a_fit_of_today_is_no_session(fits, today):
         eaid.sessions({"a": fits["s0"], "b": fits["s1"], "now": today})
 
 
-def test_steps_of_another_rig_or_of_its_own_sessions_are_refused(rig, step, table, make):
+def test_steps_of_another_rig_or_of_its_own_sessions_are_refused(rig, step, table, make, tmp_path):
     with pytest.raises(eaid.DataError, match="is a log of session s0 already"):
         eaid.today(rig, eaid.fit(fits_again(make)))
     shown = eaid.fit(step)
@@ -194,6 +194,13 @@ def test_steps_of_another_rig_or_of_its_own_sessions_are_refused(rig, step, tabl
         eaid.today(rig, force)
     with pytest.raises(eaid.DataError, match="of a plain table and holds no plant"):
         eaid.today(eaid.sessions(table), step)
+    t = np.arange(4000) * 0.01  # steps from level to level, of which no run from rest tells the file
+    u = np.repeat(np.array([0.0, 3.0, 6.0, 2.0, 8.0]), 800)
+    path = tmp_path / "stairs.csv"
+    rows = np.column_stack([t, u, 0.3 * u + np.random.default_rng(0).normal(0, 0.01, len(t))])
+    np.savetxt(path, rows, "%.6g", ",", header="time (s),input (V),output (N)", comments="")
+    with pytest.raises(eaid.DataError, match="stairs.csv: is not of the same rig as the rig: input unit % and V"):
+        eaid.today(rig, eaid.read(path))
 
 
 def fits_again(make):

@@ -98,8 +98,8 @@ ROWS: dict[str, Row] = {
         "data, the PI designed for {overshoot_pct:g} % and {settling_s:.3g} s"
     ),
     "control-rate-raised": caution(
-        "the gains are for a controller of {rate_hz:g} Hz, twelve samples in the rig's lag of {lag_s:.2g} s, where "
-        "{usual_hz:g} Hz are usual; of another one say its rate with «rate_hz»"
+        "the gains are for a controller of {rate_hz:g} Hz, {samples:.0f} samples in the rig's lag of {lag_s:.2g} s, "
+        "where {usual_hz:g} Hz are usual; of another one say its rate with «rate_hz»"
     ),
     "controller-refused": note("{subject}: {why}"),
     "fit-not-usable": caution("made from a fit that is NOT USABLE: {why}"),
