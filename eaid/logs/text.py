@@ -31,6 +31,7 @@ from eaid.shown import pandas
 # A comma that is a decimal mark and cannot be one between thousands
 _DECIMAL = re.compile(r"(?<![\d.,])0+,\d|\d,\d{1,2}(?!\d)|\d,\d{4}")
 _LABEL = re.compile(r"^([A-Za-z_]\w*)\s*[:=]\s*(?=[-+.\d])")
+_WITH_UNIT = re.compile(r"^\s*[-+]?\d+([.,]\d+)?\s?(%|[A-Za-zµ°Ω][\w·*/²]{0,5})\s*$")
 COMMENT = ("#", "%", "//")
 TABLE_ROWS = 3  # Rows of numbers, one below the other, that make a table
 HEAD_BYTES = 1 << 15
@@ -157,6 +158,12 @@ def sniff(path: str, head: bytes, read: Reading) -> LogTable:
     if start is not None and _is_words(lines[start + 1 :], marks) and not marks.is_good(marks.cells(lines[start])[0]):
         start = next((i for i in range(start + 1, len(lines)) if marks.is_row(lines[i], count)), None)  # x-axis,1,2
     if start is None:
+        united = next((cell for line in lines for cell in re.split("[,;\t|]", line) if _WITH_UNIT.match(cell)), None)
+        if united is not None:
+            raise DataError(
+                f"{path}: holds units beside its numbers, as {united.strip()!r}; save the numbers alone, and name "
+                "their units in the header or with «units»"
+            )
         raise DataError(
             f"{path}: holds no rows of numbers; a log is a table with a column of time and one of what was measured"
         )

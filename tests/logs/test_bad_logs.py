@@ -66,6 +66,9 @@ BAD: dict[str, tuple[Any, ...]] = {
     "fit.json": (b'{\n "schema": "eaid/fit/2",\n',
                  "is a result of eaid, no log; give the logs that it was made of (eaid.load opens it)"),
     "prose.csv": (b"Dear all,\nthe clutch broke.\nNo data today.\nSorry.\n", PROSE),
+    "united.csv": (csv(["{} s,{} %,{} Nm".format(*line.split(",")) for line in GOOD]),
+                   "holds units beside its numbers, as '0.000 s'; save the numbers alone, and name their units in the "
+                   "header or with --units"),
     "binary.csv": (bytes(range(256)) * 40, f"is {BINARY}"),
     "repeated.csv": (changed(100, GOOD[97]), "time is repeated at row 100 (0.97 s after 0.97 s)" + SORT),
     "falling.csv": (changed(100, "0.5,50,1.9"), "time falls at row 100 (0.5 s after 0.97 s)" + SORT),
